@@ -1,0 +1,417 @@
+/* What every reflectance model must keep: reciprocity, energy, sampling that follows its density, float like double, finite
+ * at every angle; and materials that survive their JSON while hostile JSON does not get in. */
+#include "brdf/material.h"
+
+#include "core/context.h"
+#include "core/memory.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+enum { MATERIALS = 6 };
+static tsuya_material *material[MATERIALS];
+
+static tsuya_vec3 direction(double theta_deg, double phi_deg)
+{
+    double t = tsuya_rad_from_deg(theta_deg), p = tsuya_rad_from_deg(phi_deg);
+    return (tsuya_vec3){sin(t) * cos(p), sin(t) * sin(p), cos(t)};
+}
+
+static tsuya_vec3 random_direction(uint64_t stream, uint64_t k)
+{
+    double z = 0.002 + 0.998 * tsuya_random_uniform(7, stream, 2 * k), r = sqrt(1.0 - z * z);
+    double phi = 2.0 * M_PI * tsuya_random_uniform(7, stream, 2 * k + 1);
+    return (tsuya_vec3){r * cos(phi), r * sin(phi), z};
+}
+
+static int set_up(void **state)
+{
+    (void)state;
+    const double white[3] = {1, 1, 1}, plain[3] = {0.047, 0.047, 0.047}, gold[3] = {1.0, 0.7, 0.3}, red[3] = {0.2, 0.02, 0.03};
+    const double black[3] = {0, 0, 0};
+    bool ok = tsuya_material_lambert(&material[0], white) == TSUYA_OK && tsuya_material_default_silk(&material[1]) == TSUYA_OK &&
+              tsuya_material_ggx(&material[2], 0.5, 0.5, plain, 1.55, white) == TSUYA_OK &&
+              tsuya_material_ggx(&material[3], 0.1, 0.4, gold, 1.5, red) == TSUYA_OK &&
+              tsuya_material_ggx(&material[4], 0.05, 0.02, plain, 1.5, black) == TSUYA_OK &&
+              tsuya_material_ggx(&material[5], 1.0, 0.08, plain, 1.8, white) == TSUYA_OK;
+    return ok ? 0 : -1;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    for (int m = 0; m < MATERIALS; ++m) {
+        tsuya_material_free(material[m]);
+    }
+    return 0;
+}
+
+static void test_reciprocity(void **state)
+{
+    (void)state;
+    for (int m = 0; m < MATERIALS; ++m) {
+        for (uint64_t k = 0; k < 5000; ++k) {
+            double a[3], b[3];
+            tsuya_vec3 wi = random_direction(1, k), wo = random_direction(2, k);
+            tsuya_material_eval(material[m], NULL, wi, wo, a);
+            tsuya_material_eval(material[m], NULL, wo, wi, b);
+            for (int c = 0; c < 3; ++c) {
+                assert_true(a[c] >= 0.0 && fabs(a[c] - b[c]) <= 1e-6 * fmax(a[c], b[c]));
+            }
+        }
+    }
+}
+
+/* ∫ f cosθi dwi by importance sampling with many draws on a lattice; independent of the material's own table. */
+static void furnace(const tsuya_material *m, tsuya_vec3 wo, double albedo[3])
+{
+    enum { SIDE = 220 };
+    memset(albedo, 0, 3 * sizeof *albedo);
+    for (int k = 0; k < SIDE * SIDE; ++k) {
+        double third = fmod(0.5 + k * 0.6180339887498949, 1.0), f[3];
+        const double u[3] = {(k % SIDE + 0.5) / SIDE, (k / SIDE + 0.5) / SIDE, third};
+        tsuya_vec3 wi;
+        if (!tsuya_material_sample(m, NULL, wo, u, &wi)) {
+            continue;
+        }
+        double pdf = tsuya_material_eval_pdf(m, NULL, wi, wo, f);
+        for (int c = 0; c < 3; ++c) {
+            albedo[c] += f[c] * wi.z / (pdf * SIDE * SIDE);
+        }
+    }
+}
+
+static void test_white_furnace(void **state)
+{
+    (void)state;
+    const double theta[] = {0.0, 15.0, 40.0, 60.0, 75.0, 85.0, 88.5};
+    for (int m = 0; m < MATERIALS; ++m) {
+        for (size_t k = 0; k < sizeof theta / sizeof theta[0]; ++k) {
+            for (int phi = 0; phi < 4; ++phi) {
+                double albedo[3], tabulated[3];
+                tsuya_vec3 wo = direction(theta[k], 30.0 * phi);
+                furnace(material[m], wo, albedo);
+                tsuya_material_albedo(material[m], NULL, wo, tabulated);
+                for (int c = 0; c < 3; ++c) {
+                    assert_true(albedo[c] <= 1.0 + 1e-3);
+                    assert_true(fabs(albedo[c] - tabulated[c]) < 4e-3);
+                    assert_true(m != 0 || albedo[c] >= 1.0 - 2e-3);
+                }
+            }
+        }
+    }
+}
+
+/* Wilson–Hilferty: χ² with n degrees of freedom as a standard normal. */
+static double chi_square_z(double chi2, int n)
+{
+    double v = 2.0 / (9.0 * n);
+    return (cbrt(chi2 / n) - (1.0 - v)) / sqrt(v);
+}
+
+enum { COS_CELLS = 24, PHI_CELLS = 48, CELLS = COS_CELLS * PHI_CELLS, DRAWS = 1000000 };
+
+static void expected_draws(const tsuya_material *m, tsuya_vec3 wo, double *expected)
+{
+    enum { SUB = 24 };
+    for (int cell = 0; cell < CELLS; ++cell) {
+        double sum = 0.0;
+        for (int k = 0; k < SUB * SUB; ++k) {
+            double z = ((cell / PHI_CELLS) + (k / SUB + 0.5) / SUB) / COS_CELLS, r = sqrt(1.0 - z * z);
+            double phi = 2.0 * M_PI * ((cell % PHI_CELLS) + (k % SUB + 0.5) / SUB) / PHI_CELLS;
+            sum += tsuya_material_pdf(m, NULL, (tsuya_vec3){r * cos(phi), r * sin(phi), z}, wo);
+        }
+        expected[cell] = DRAWS * sum * 2.0 * M_PI / (CELLS * (double)(SUB * SUB));
+    }
+}
+
+static void count_draws(const tsuya_material *m, tsuya_vec3 wo, uint64_t stream, double *seen)
+{
+    memset(seen, 0, CELLS * sizeof *seen);
+    for (uint64_t k = 0; k < DRAWS; ++k) {
+        const double u[3] = {tsuya_random_uniform(3, stream, 3 * k), tsuya_random_uniform(3, stream, 3 * k + 1),
+                             tsuya_random_uniform(3, stream, 3 * k + 2)};
+        tsuya_vec3 wi;
+        if (tsuya_material_sample(m, NULL, wo, u, &wi)) {
+            double phi = atan2(wi.y, wi.x);
+            int j = (int)((phi < 0.0 ? phi + 2.0 * M_PI : phi) / (2.0 * M_PI) * PHI_CELLS), i = (int)(wi.z * COS_CELLS);
+            seen[(i < COS_CELLS ? i : COS_CELLS - 1) * PHI_CELLS + (j < PHI_CELLS ? j : PHI_CELLS - 1)] += 1.0;
+        }
+    }
+}
+
+/* Cells are pooled until ten draws are expected; the draws that end under the surface are one cell more. */
+static double chi_square(const double *seen, const double *expected, int *freedom)
+{
+    double chi2 = 0.0, pool_seen = 0.0, pool_expected = 0.0, all_seen = 0.0, all_expected = 0.0;
+    *freedom = -1;
+    for (int k = 0; k <= CELLS; ++k) {
+        double s = k < CELLS ? seen[k] : DRAWS - all_seen, e = k < CELLS ? expected[k] : fmax(DRAWS - all_expected, 0.0);
+        all_seen += s;
+        all_expected += e;
+        pool_seen += s;
+        pool_expected += e;
+        if (pool_expected >= 10.0) {
+            chi2 += (pool_seen - pool_expected) * (pool_seen - pool_expected) / pool_expected;
+            *freedom += 1;
+            pool_seen = pool_expected = 0.0;
+        }
+    }
+    return chi2;
+}
+
+static void test_sampling_follows_pdf(void **state)
+{
+    (void)state;
+    static double seen[CELLS], expected[CELLS];
+    const int which[] = {0, 1, 2, 3, 5}; /* the sharp lobe of 4 needs finer cells than any quadrature here */
+    const double theta[] = {0.0, 35.0, 70.0, 85.0};
+    for (size_t m = 0; m < sizeof which / sizeof which[0]; ++m) {
+        for (size_t k = 0; k < sizeof theta / sizeof theta[0]; ++k) {
+            tsuya_vec3 wo = direction(theta[k], 25.0 + 90.0 * (double)k);
+            int freedom;
+            expected_draws(material[which[m]], wo, expected);
+            count_draws(material[which[m]], wo, 10 * m + k, seen);
+            double chi2 = chi_square(seen, expected, &freedom), z = chi_square_z(chi2, freedom);
+            if (!(z < 3.29)) { /* 1 % over twenty tests (Šidák): one-sided 5e-4 */
+                fail_msg("material %d, wo at %g degrees: chi-square z %.2f with %d degrees of freedom", which[m], theta[k], z, freedom);
+            }
+        }
+    }
+}
+
+static void test_batch_like_double(void **state)
+{
+    (void)state;
+    enum { COUNT = 4099 }; /* no multiple of any vector width */
+    static float d[6][COUNT], value[3 * COUNT];
+    const tsuya_direction_batch batch = {COUNT, d[0], d[1], d[2], d[3], d[4], d[5]};
+    for (int k = 0; k < COUNT; ++k) {
+        tsuya_vec3 wi = random_direction(4, (uint64_t)k), wo = random_direction(5, (uint64_t)k);
+        if (k % 3 == 0) {
+            wo = tsuya_vec3_unit(tsuya_vec3_mad((tsuya_vec3){-wi.x, -wi.y, wi.z}, 0.05, wo)); /* near the mirror */
+        }
+        wi.z = k % 17 == 0 ? -wi.z : wi.z;
+        const double all[6] = {wi.x, wi.y, wi.z, wo.x, wo.y, wo.z};
+        for (int i = 0; i < 6; ++i) {
+            d[i][k] = (float)all[i];
+        }
+    }
+    for (int m = 0; m < MATERIALS; ++m) {
+        tsuya_material_eval_batch(material[m], NULL, &batch, value);
+        double peak = 0.0;
+        for (int k = 0; k < COUNT; ++k) {
+            double f[3];
+            tsuya_vec3 wi = {d[0][k], d[1][k], d[2][k]}, wo = {d[3][k], d[4][k], d[5][k]};
+            tsuya_material_eval(material[m], NULL, wi, wo, f);
+            for (int c = 0; c < 3; ++c) {
+                peak = fmax(peak, f[c]);
+                assert_true(fabs(value[c * COUNT + k] - f[c]) <= 1e-4 * fmax(f[c], 1e-3 * peak));
+            }
+        }
+    }
+}
+
+static void check_finite(const tsuya_material *m, tsuya_vec3 wi, tsuya_vec3 wo)
+{
+    double f[3], albedo[3];
+    float one[6] = {(float)wi.x, (float)wi.y, (float)wi.z, (float)wo.x, (float)wo.y, (float)wo.z}, value[3];
+    const tsuya_direction_batch batch = {1, &one[0], &one[1], &one[2], &one[3], &one[4], &one[5]};
+    double pdf = tsuya_material_eval_pdf(m, NULL, wi, wo, f);
+    tsuya_material_eval_batch(m, NULL, &batch, value);
+    tsuya_material_albedo(m, NULL, wo, albedo);
+    assert_true(isfinite(pdf) && pdf >= 0.0);
+    for (int c = 0; c < 3; ++c) {
+        assert_true(isfinite(f[c]) && f[c] >= 0.0 && isfinite(value[c]) && value[c] >= 0.0f);
+        assert_true(isfinite(albedo[c]) && albedo[c] >= 0.0 && albedo[c] <= 1.0 + 1e-6);
+        assert_true((wi.z > 0.0 && wo.z > 0.0) || (f[c] == 0.0 && value[c] == 0.0f && pdf == 0.0));
+    }
+}
+
+static void test_hard_directions(void **state)
+{
+    (void)state;
+    const double theta[] = {0.0, 1e-9, 45.0, 89.9, 90.0 - 1e-5, 90.0, 90.0 + 1e-9, 120.0, 180.0};
+    const double phi[] = {0.0, 90.0, 180.0 - 1e-12, 180.0, 359.9999999999, 33.0};
+    enum { T = sizeof theta / sizeof theta[0], P = sizeof phi / sizeof phi[0] };
+    for (int k = 0; k < MATERIALS * T * T * P * P; ++k) {
+        int m = k % MATERIALS, a = k / MATERIALS % T, b = k / (MATERIALS * T) % T, p = k / (MATERIALS * T * T) % P;
+        check_finite(material[m], direction(theta[a], phi[p]), direction(theta[b], phi[k / (MATERIALS * T * T * P)]));
+    }
+    for (int m = 0; m < MATERIALS; ++m) {
+        const double corners[4][3] = {{0, 0, 0}, {1 - 0x1p-53, 0, 1 - 0x1p-53}, {0, 1 - 0x1p-53, 0.5}, {1 - 0x1p-53, 1 - 0x1p-53, 1 - 0x1p-53}};
+        for (int k = 0; k < 4 * T; ++k) {
+            tsuya_vec3 wi, wo = direction(theta[k / 4], 40.0);
+            if (tsuya_material_sample(material[m], NULL, wo, corners[k % 4], &wi)) {
+                assert_true(wi.z > 0.0 && fabs(tsuya_vec3_norm(wi) - 1.0) < 1e-9);
+                check_finite(material[m], wi, wo);
+            }
+        }
+    }
+}
+
+/* The azimuth of a direction means nothing at the pole, and nothing may jump at its seam. */
+static void test_continuity(void **state)
+{
+    (void)state;
+    for (int m = 0; m < MATERIALS; ++m) {
+        for (int k = 0; k < 36; ++k) {
+            double a[3], b[3];
+            tsuya_material_eval(material[m], NULL, direction(1e-7, 10.0 * k), direction(30.0, 20.0), a);
+            tsuya_material_eval(material[m], NULL, direction(0.0, 0.0), direction(30.0, 20.0), b);
+            assert_true(fabs(a[1] - b[1]) <= 1e-5 * fmax(a[1], b[1]));
+            tsuya_material_eval(material[m], NULL, direction(30.0, 180.0 - 1e-8), direction(20.0, 10.0 * k), a);
+            tsuya_material_eval(material[m], NULL, direction(30.0, -180.0 + 1e-8), direction(20.0, 10.0 * k), b);
+            assert_true(fabs(a[1] - b[1]) <= 1e-5 * fmax(a[1], b[1]));
+        }
+    }
+}
+
+/* Black satin in another colour: linear in the dye, and only the part under the surface changes. */
+static void test_dye(void **state)
+{
+    (void)state;
+    const double dyes[3][3] = {{0, 0, 0}, {0.4, 0.2, 0.1}, {0.8, 0.4, 0.2}};
+    tsuya_vec3 wi = direction(20, 10), wo = direction(40, 100);
+    double f[3][3];
+    for (int k = 0; k < 3; ++k) {
+        tsuya_material_eval(material[1], dyes[k], wi, wo, f[k]);
+    }
+    for (int c = 0; c < 3; ++c) {
+        assert_true(fabs(f[2][c] - f[0][c] - 2.0 * (f[1][c] - f[0][c])) < 1e-14);
+        assert_true(f[1][c] > f[0][c] && f[0][c] > 0.0);
+    }
+    const double bad[3] = {0.2, 1.5, 0.2};
+    assert_int_equal(tsuya_material_set_dye(material[1], bad), TSUYA_ERROR_INPUT);
+    assert_non_null(strstr(tsuya_reason(), "1.5"));
+}
+
+/* Turned by 90° a cloth with weft and warp exchanged is the same cloth. */
+static void test_frame(void **state)
+{
+    (void)state;
+    const double ks[3] = {0.05, 0.05, 0.05}, dye[3] = {0.0, 0.0, 0.0};
+    tsuya_material *turned;
+    assert_int_equal(tsuya_material_ggx(&turned, 0.10, 0.35, ks, 1.55, dye), TSUYA_OK);
+    tsuya_material *straight;
+    assert_int_equal(tsuya_material_ggx(&straight, 0.35, 0.10, ks, 1.55, dye), TSUYA_OK);
+    double along[3], across[3], again[3];
+    tsuya_material_eval(straight, NULL, direction(20, 0), direction(20, 0), along);
+    tsuya_material_eval(straight, NULL, direction(20, 90), direction(20, 90), across);
+    tsuya_material_eval(turned, NULL, direction(20, 90), direction(20, 90), again);
+    assert_true(along[0] > 1.5 * across[0]); /* broad across the warp's fibres, so brighter off the mirror along the weft */
+    assert_true(fabs(again[0] - along[0]) < 1e-3 * along[0]);
+    tsuya_material_free(turned);
+    tsuya_material_free(straight);
+}
+
+static void test_json_round_trip(void **state)
+{
+    (void)state;
+    char path[64];
+    snprintf(path, sizeof path, "material-%ld.json", (long)getpid());
+    for (int m = 0; m < MATERIALS; ++m) {
+        tsuya_material *again;
+        assert_int_equal(tsuya_material_save(material[m], path), TSUYA_OK);
+        assert_int_equal(tsuya_material_load(&again, path), TSUYA_OK);
+        tsuya_material_info a = tsuya_material_get_info(material[m]), b = tsuya_material_get_info(again);
+        assert_string_equal(a.name, b.name);
+        assert_string_equal(a.model, b.model);
+        assert_int_equal(a.is_default, b.is_default);
+        assert_true(isnan(b.heldout_cbrt) && a.bytes == b.bytes && a.bytes <= 65536);
+        for (uint64_t k = 0; k < 200; ++k) {
+            double f[3], g[3];
+            tsuya_material_eval(material[m], NULL, random_direction(8, k), random_direction(9, k), f);
+            tsuya_material_eval(again, NULL, random_direction(8, k), random_direction(9, k), g);
+            assert_memory_equal(f, g, sizeof f);
+        }
+        tsuya_material_free(again);
+    }
+    unlink(path);
+    tsuya_material_info silk = tsuya_material_get_info(material[1]);
+    assert_true(silk.is_default);
+    assert_non_null(strstr(silk.name, "not measured"));
+}
+
+#define HEAD "{\"format\":\"tsuya material\",\"version\":\"1.0\",\"name\":\"n\",\"channels\":[\"r\",\"g\",\"b\"],"
+#define PARAMETERS "\"parameters\":{\"alpha_weft\":0.3,\"alpha_warp\":0.1,\"eta\":1.5,\"strength\":[0.04,0.04,0.04]}"
+
+static void test_hostile_json(void **state)
+{
+    (void)state;
+    static const struct { const char *text, *names; } bad[] = {
+        {"", ""},
+        {"[]", ""},
+        {"{}", "format"},
+        {"{\"format\":\"tsuya material\",\"version\":\"2.0\"}", "newer"},
+        {"{\"format\":\"tsuya material\",\"version\":\"1.x\"}", "version"},
+        {"{\"format\":\"tsuya material\",\"version\":\"99999999999.0\"}", "version"},
+        {"{\"format\":\"tsuya material\",\"version\":\"1.0\",\"channels\":[]}", "channels"},
+        {"{\"format\":\"tsuya material\",\"version\":\"1.0\",\"channels\":[3],\"name\":\"n\"}", "channels[0]"},
+        {HEAD "\"model\":\"gxx-aniso\"," PARAMETERS "}", "ggx-aniso"},
+        {HEAD "\"model\":\"ggx-aniso\"}", "parameters"},
+        {HEAD "\"model\":\"ggx-aniso\",\"parameters\":{}}", "alpha_weft"},
+        {HEAD "\"model\":\"ggx-aniso\",\"parameters\":{\"alpha_weft\":1e300,\"alpha_warp\":0.1,\"eta\":1.5,\"strength\":[0,0,0]}}", "alpha_weft"},
+        {HEAD "\"model\":\"ggx-aniso\",\"parameters\":{\"alpha_weft\":-1,\"alpha_warp\":0.1,\"eta\":1.5,\"strength\":[0,0,0]}}", "alpha_weft"},
+        {HEAD "\"model\":\"ggx-aniso\",\"parameters\":{\"alpha_weft\":null,\"alpha_warp\":0.1,\"eta\":1.5,\"strength\":[0,0,0]}}", "alpha_weft"},
+        {HEAD "\"model\":\"ggx-aniso\",\"parameters\":{\"alpha_weft\":0.1,\"alpha_warp\":0.1,\"eta\":1.5,\"strength\":[0,0]}}", "strength"},
+        {HEAD "\"model\":\"ggx-aniso\",\"dye\":{\"reflectance\":[0,2,0],\"coupling\":\"lambert\"}," PARAMETERS "}", "reflectance"},
+        {HEAD "\"model\":\"ggx-aniso\",\"dye\":{\"reflectance\":[0,0,0],\"coupling\":\"glue\"}," PARAMETERS "}", "glue"},
+        {HEAD "\"model\":\"ggx-aniso\",\"support\":{\"theta_i_deg\":[0,900]}," PARAMETERS "}", "theta_i_deg"},
+    };
+    for (size_t k = 0; k < sizeof bad / sizeof bad[0]; ++k) {
+        tsuya_material *m = material[0];
+        assert_int_not_equal(tsuya_material_parse(&m, bad[k].text, "evil.json"), TSUYA_OK);
+        assert_null(m);
+        if (!strstr(tsuya_reason(), bad[k].names) || !strstr(tsuya_reason(), "evil.json")) {
+            fail_msg("case %zu: reason \"%s\" names no evil.json or no \"%s\"", k, tsuya_reason(), bad[k].names);
+        }
+    }
+    tsuya_material *m;
+    assert_int_equal(tsuya_material_parse(&m, HEAD "\"model\":\"ggx-aniso\"," PARAMETERS "}", "good.json"), TSUYA_OK);
+    tsuya_material_free(m);
+}
+
+static void test_every_allocation_failing(void **state)
+{
+    (void)state;
+    for (uint64_t n = 1;; ++n) {
+        tsuya_material *m = NULL;
+        tsuya_memory_fail_at(n);
+        tsuya_status status = tsuya_material_default_silk(&m);
+        tsuya_memory_fail_at(0);
+        if (status == TSUYA_OK) {
+            tsuya_material_free(m);
+            assert_true(n > 5);
+            break;
+        }
+        assert_int_equal(status, TSUYA_ERROR_MEMORY);
+        assert_null(m);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_reciprocity),
+        cmocka_unit_test(test_white_furnace),
+        cmocka_unit_test(test_sampling_follows_pdf),
+        cmocka_unit_test(test_batch_like_double),
+        cmocka_unit_test(test_hard_directions),
+        cmocka_unit_test(test_continuity),
+        cmocka_unit_test(test_dye),
+        cmocka_unit_test(test_frame),
+        cmocka_unit_test(test_json_round_trip),
+        cmocka_unit_test(test_hostile_json),
+        cmocka_unit_test(test_every_allocation_failing),
+    };
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
