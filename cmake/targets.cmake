@@ -6,7 +6,7 @@ set_property(GLOBAL PROPERTY TSUYA_NEEDS "")
 
 add_library(tsuya_options INTERFACE)
 target_compile_options(tsuya_options INTERFACE
-  -Wall -Wextra -Wshadow -Wpointer-arith -Wundef -Wvla
+  -Wall -Wextra -Wshadow -Wpointer-arith -Wundef -Wvla -Wno-format-truncation
   $<$<COMPILE_LANGUAGE:C>:-Wstrict-prototypes -Wmissing-prototypes -Wconversion -Wno-sign-conversion>
   -fno-math-errno -ffp-contract=off
   $<$<BOOL:${TSUYA_WERROR}>:-Werror>

@@ -1,0 +1,115 @@
+/* The surface from several sides, what supports it, and the weft field on it. */
+#include "app/report_parts.h"
+
+#include "render/views.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+enum { VIEW_WIDTH_PX = 330, VIEW_HEIGHT_PX = 440 };
+
+static tsuya_status show_view(tsuya_report *report, int view, int view_count, const tsuya_shade_options *options, const char *caption)
+{
+    tsuya_turntable table = {.up = report->up, .elevation_rad = tsuya_rad_from_deg(12.0), .field_rad = tsuya_rad_from_deg(24.0),
+                             .width_px = VIEW_WIDTH_PX, .height_px = VIEW_HEIGHT_PX};
+    tsuya_camera camera;
+    tsuya_pose camera_from_world;
+    tsuya_image picture = {0};
+    TSUYA_TRY(tsuya_turntable_fit(&table, &report->mesh));
+    tsuya_turntable_view(&table, view, view_count, &camera, &camera_from_world);
+    TSUYA_TRY(tsuya_shade_view(&picture, &report->mesh, &camera, camera_from_world, options, report->context));
+    tsuya_html_picture(&report->html, &picture, options->shade == TSUYA_SHADE_VALUE, "surface", caption, caption);
+    tsuya_image_free(&picture);
+    return TSUYA_OK;
+}
+
+static int compare_float(const void *a, const void *b)
+{
+    float x = *(const float *)a, y = *(const float *)b;
+    return (x > y) - (x < y);
+}
+
+/* Range that all but 2 % at either end lie in. */
+static tsuya_status value_range(double *low, double *high, const float *value, size_t count)
+{
+    float *sorted = tsuya_calloc(count, sizeof *sorted);
+    if (!sorted) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    size_t n = 0;
+    for (size_t i = 0; i < count; i++) {
+        if (isfinite(value[i])) {
+            sorted[n++] = value[i];
+        }
+    }
+    qsort(sorted, n, sizeof *sorted, compare_float);
+    *low = n > 0 ? sorted[n / 50] : 0.0;
+    *high = n > 0 ? sorted[n - 1 - n / 50] : 0.0;
+    if (!(*high > *low)) {
+        *high = *low + 1.0;
+    }
+    tsuya_free(sorted);
+    return TSUYA_OK;
+}
+
+static void show_values(tsuya_report *report, const float *value, const char *title, const double *range)
+{
+    double low, high;
+    if (range) {
+        low = range[0];
+        high = range[1];
+    } else {
+        tsuya_status status = value_range(&low, &high, value, report->mesh.vertex_count);
+        tsuya_report_check(report, status);
+        if (status != TSUYA_OK) {
+            return;
+        }
+    }
+    tsuya_shade_options options = {TSUYA_SHADE_VALUE, value, low, high};
+    tsuya_html_raw(&report->html, "<h3>%s</h3><div class=\"scale\">%.3g<span class=\"ramp\"></span>%.3g</div><div class=\"grid g6\">\n", title, low, high);
+    for (int i = 0; i < 4; i++) {
+        char caption[64];
+        snprintf(caption, sizeof caption, "from %d°", 90 * i);
+        tsuya_report_check(report, show_view(report, i, 4, &options, caption));
+    }
+    tsuya_html_raw(&report->html, "</div>\n");
+}
+
+static void surface_table(tsuya_report *report)
+{
+    tsuya_vec3 low, high;
+    tsuya_mesh_bounds(&report->mesh, &low, &high);
+    tsuya_html_raw(&report->html,
+                   "<table><tr><th>Vertices</th><th>Triangles</th><th>Extent</th><th>Area</th><th>Mean edge</th></tr>"
+                   "<tr><td>%zu</td><td>%zu</td><td>%.4g × %.4g × %.4g</td><td>%.4g</td><td>%.4g</td></tr></table>\n",
+                   report->mesh.vertex_count, report->mesh.triangle_count, high.x - low.x, high.y - low.y, high.z - low.z,
+                   tsuya_mesh_area(&report->mesh), tsuya_mesh_mean_edge(&report->mesh));
+}
+
+void tsuya_report_surface(tsuya_report *report)
+{
+    if (report->mesh.triangle_count == 0) {
+        return;
+    }
+    tsuya_shade_options clay = {.shade = TSUYA_SHADE_CLAY}, color = {.shade = TSUYA_SHADE_COLOR};
+    char caption[64];
+    tsuya_report_open(report, "surface", "Surface", "The mesh from all sides: as unpainted clay, which shows the folds alone, and in the photographs' colours.");
+    surface_table(report);
+    tsuya_html_raw(&report->html, "<div class=\"grid g6\">\n");
+    for (int i = 0; i < 6; i++) {
+        snprintf(caption, sizeof caption, "clay, from %d°", 60 * i);
+        tsuya_report_check(report, show_view(report, i, 6, &clay, caption));
+    }
+    for (int i = 0; report->mesh.color && i < 6; i++) {
+        snprintf(caption, sizeof caption, "colours, from %d°", 60 * i);
+        tsuya_report_check(report, show_view(report, i, 6, &color, caption));
+    }
+    tsuya_html_raw(&report->html, "</div>\n");
+    if (report->mesh.evidence) {
+        show_values(report, report->mesh.evidence, "Evidence: how many photographs support each place", NULL);
+    }
+    if (report->mesh.sigma) {
+        show_values(report, report->mesh.sigma, "Uncertainty of the position along the normal (one standard deviation)", NULL);
+    }
+    tsuya_report_close(report);
+}

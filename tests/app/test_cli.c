@@ -1,0 +1,124 @@
+/* The program from outside: help, version, refusals, exit codes, brdf eval. */
+#include "support.h"
+
+#include "app/command.h"
+#include "core/process.h"
+
+static char *output;
+static tsuya_process_info info;
+
+static int run(const char *arguments)
+{
+    char command[TEST_PATH];
+    snprintf(command, sizeof command, "%s %s", TSUYA_PROGRAM, arguments);
+    const char *argv[] = {"sh", "-c", command, NULL};
+    tsuya_free(output);
+    output = NULL;
+    assert_ok(tsuya_process_capture(&output, &info, argv, NULL));
+    return info.exit_code;
+}
+
+static void assert_says(const char *part)
+{
+    if (!strstr(output, part)) {
+        fail_msg("\"%s\" is not in the output:\n%s", part, output);
+    }
+}
+
+static void test_every_command_opens_its_help_with_an_example(void **state)
+{
+    (void)state;
+    for (const tsuya_command *c = tsuya_commands; c->name; c++) {
+        char arguments[128];
+        snprintf(arguments, sizeof arguments, "%s --help 2>&1", c->name);
+        assert_int_equal(run(arguments), 0);
+        assert_int_equal(strncmp(output, "Example:\n", 9), 0);
+        for (size_t i = 0; i < 6; i++) {
+            static const char *const option[] = {"--threads", "--seed", "--json", "--quiet", "--help", "--version"};
+            assert_says(option[i]);
+        }
+        snprintf(arguments, sizeof arguments, "%s --version", c->name);
+        assert_int_equal(run(arguments), 0);
+        assert_says("tsuya ");
+    }
+}
+
+static void test_unknown_words_name_the_nearest(void **state)
+{
+    (void)state;
+    assert_int_equal(run("rnder x.ply"), 2);
+    assert_says("did you mean 'render'");
+    assert_int_equal(run("capture chek photos"), 2);
+    assert_says("did you mean 'capture check'");
+    assert_int_equal(run("run --dryrun JOB.yaml"), 2);
+    assert_says("did you mean '--dry-run'");
+    assert_int_equal(run("run --from wave JOB.yaml"), 2);
+    assert_says("did you mean 'weave'");
+    assert_int_equal(run("run --threads 0 JOB.yaml"), 2);
+    assert_int_equal(run("run --seed x JOB.yaml"), 2);
+    assert_int_equal(run(""), 2);
+    assert_int_equal(run("capture"), 2);
+    assert_says("capture check");
+}
+
+static void test_later_commands_are_refused_not_faked(void **state)
+{
+    (void)state;
+    static const char *const later[] = {"capture target", "capture simulate x.yaml", "bench", "brdf plan", "calib light"};
+    assert_int_equal(run("--help"), 0);
+    char *help = tsuya_strdup(output);
+    assert_null(strstr(help, "simulate"));
+    for (size_t i = 0; i < sizeof later / sizeof later[0]; i++) {
+        assert_int_equal(run(later[i]), 2);
+        assert_says("not in this version");
+    }
+    tsuya_free(help);
+}
+
+static void test_failures_are_one_line_and_exit_1(void **state)
+{
+    (void)state;
+    assert_int_equal(run("run /nonexistent/JOB.yaml"), 1);
+    assert_says("/nonexistent/JOB.yaml");
+    assert_ptr_equal(strchr(output, '\n'), output + strlen(output) - 1);
+}
+
+static void test_eval_keeps_columns_and_order(void **state)
+{
+    (void)state;
+    static const char material[] =
+        "{\"format\": \"tsuya material\", \"version\": \"1.0\", \"name\": \"grey\", \"model\": \"lambert\", "
+        "\"channels\": [\"r\", \"g\", \"b\"], \"dye\": {\"reflectance\": [0.1, 0.2, 0.4], \"coupling\": \"lambert\"}, \"parameters\": {}}";
+    char arguments[TEST_PATH];
+    assert_ok(tsuya_file_write(test_path("grey.json"), material, sizeof material - 1));
+    snprintf(arguments, sizeof arguments, "brdf eval %s", test_path("grey.json"));
+    char command[2 * TEST_PATH];
+    snprintf(command, sizeof command,
+             "printf 'phi_o_deg,theta_i_deg,phi_i_deg,theta_o_deg\\n180,30,0,30\\n10,0,0,95\\n' | %s %s", TSUYA_PROGRAM, arguments);
+    const char *argv[] = {"sh", "-c", command, NULL};
+    tsuya_free(output);
+    assert_ok(tsuya_process_capture(&output, &info, argv, NULL));
+    assert_int_equal(info.exit_code, 0);
+    assert_says("phi_o_deg,theta_i_deg,phi_i_deg,theta_o_deg,r,g,b\n180,30,0,30,0.0318309886,0.0636619772,0.127323954\n");
+    assert_says("\n10,0,0,95,0,0,0\n");
+    snprintf(command, sizeof command, "printf 'theta_i,phi_i_deg,theta_o_deg,phi_o_deg\\n' | %s %s", TSUYA_PROGRAM, arguments);
+    tsuya_free(output);
+    assert_ok(tsuya_process_capture(&output, &info, argv, NULL));
+    assert_int_equal(info.exit_code, 1);
+    assert_says("theta_i_deg");
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_every_command_opens_its_help_with_an_example),
+        cmocka_unit_test(test_unknown_words_name_the_nearest),
+        cmocka_unit_test(test_later_commands_are_refused_not_faked),
+        cmocka_unit_test(test_failures_are_one_line_and_exit_1),
+        cmocka_unit_test(test_eval_keeps_columns_and_order),
+    };
+    int result = cmocka_run_group_tests(tests, NULL, NULL);
+    tsuya_free(output);
+    test_folder_remove();
+    return result;
+}

@@ -1,0 +1,147 @@
+/* JOB.yaml: what is read, what is filled in, what is refused and with which words. */
+#include "support.h"
+
+#include "app/job.h"
+#include "app/stage.h"
+#include "core/image.h"
+
+static void write_photo(const char *name, int width, int height)
+{
+    tsuya_image image;
+    assert_ok(tsuya_image_create(&image, width, height, 3, TSUYA_SAMPLE_U8, TSUYA_ENCODING_SRGB));
+    assert_ok(tsuya_image_save(&image, test_path(name), NULL));
+    tsuya_image_free(&image);
+}
+
+static int make_folder(void **state)
+{
+    (void)state;
+    assert_ok(tsuya_folder_make(test_path("in/photos")));
+    assert_ok(tsuya_folder_make(test_path("in/render/photos")));
+    assert_ok(tsuya_folder_make(test_path("in/mixed")));
+    for (int i = 0; i < 4; i++) {
+        char name[64];
+        snprintf(name, sizeof name, "in/photos/IMG_%02d.jpg", i);
+        write_photo(name, 40, 30);
+        snprintf(name, sizeof name, "in/render/photos/IMG_%02d.jpg", i);
+        write_photo(name, 40, 30);
+        snprintf(name, sizeof name, "in/mixed/IMG_%02d.jpg", i);
+        write_photo(name, i == 2 ? 30 : 40, 30);
+    }
+    return 0;
+}
+
+static tsuya_status load(tsuya_job *job, const char *text, const char *folder)
+{
+    assert_ok(tsuya_file_write(test_path("in/JOB.yaml"), text, strlen(text)));
+    return tsuya_job_load(job, test_path("in/JOB.yaml"), folder);
+}
+
+static void refuse(const char *text, const char *part)
+{
+    tsuya_job job;
+    assert_fails(load(&job, text, NULL), part);
+}
+
+static void test_defaults(void **state)
+{
+    (void)state;
+    tsuya_job job;
+    assert_ok(load(&job, "name: robe\nphotos: photos/\n", NULL));
+    assert_string_equal(job.name, "robe");
+    assert_string_equal(job.photos, test_path("in/photos"));
+    assert_string_equal(job.folder, test_path("in"));
+    assert_int_equal(job.photo.count, 4);
+    assert_false(job.has_camera);
+    assert_int_equal(job.render.count, 1);
+    assert_string_equal(tsuya_job_render_at(&job, 0)->name, "turntable");
+    assert_int_equal(tsuya_job_render_at(&job, 0)->views, 12);
+    tsuya_job_free(&job);
+}
+
+static void test_everything_that_is_supported(void **state)
+{
+    (void)state;
+    tsuya_job job;
+    assert_ok(load(&job,
+                   "name: robe\nphotos: photos/\nhold_out: [IMG_01.jpg]\n"
+                   "render:\n"
+                   "  - {name: turn, views: 36, size: [1280, 960], color: \"#7a1f2b\"}\n"
+                   "  - {name: as-photographed, like: photos/}\n",
+                   test_path("elsewhere")));
+    assert_string_equal(job.folder, test_path("elsewhere"));
+    assert_int_equal(job.hold_out.count, 1);
+    const tsuya_job_render *turn = tsuya_job_render_at(&job, 0);
+    assert_int_equal(turn->width_px, 1280);
+    assert_int_equal(turn->height_px, 960);
+    assert_true(turn->has_color);
+    assert_float_equal(turn->color_linear_rgb[0], 0.19462, 1e-4); /* (0x7a/255 + 0.055)/1.055 to the power 2.4 */
+    assert_int_equal(tsuya_job_render_at(&job, 1)->views, 0);
+    tsuya_job_free(&job);
+}
+
+static void test_refusals(void **state)
+{
+    (void)state;
+    refuse("name: robe\nphotos: photos\nmask: m\n", "masks");
+    refuse("name: robe\n", "photos");
+    refuse("name: robe\nphotos: nowhere\n", "does not exist");
+    refuse("name: a/b\nphotos: photos\n", "name");
+    refuse("name: robe\nphotos: photos\nhold_out: [IMG_1.jpg]\n", "IMG_01.jpg");
+    refuse("name: robe\nphotos: photos\nhold_out: [IMG_01.jpg, IMG_02.jpg]\n", "at least 3");
+    refuse("name: robe\nphotos: mixed\n", "IMG_02.jpg");
+    refuse("name: robe\nphotos: photos\nrender: [{name: t, views: 0}]\n", "views");
+    refuse("name: robe\nphotos: photos\nrender: [{name: t, size: [10]}]\n", "size");
+    refuse("name: robe\nphotos: photos\nrender: [{name: t, color: red}]\n", "color");
+    refuse("name: robe\nphotos: photos\nrender: [{name: t}, {name: t}]\n", "twice");
+    refuse("name: robe\nphotos: photos\nrender: [{name: t, like: photos/}]\n", "hold_out");
+    refuse("name: robe\nphotos: render/photos\n", "empties");
+}
+
+static void test_what_this_version_lacks_is_said(void **state)
+{
+    (void)state;
+    assert_ok(tsuya_file_write(test_path("in/b.yaml"), "x: 1\n", 5));
+    refuse("name: robe\nphotos: photos\nscale: {board: b.yaml}\n", "not in this version");
+    refuse("name: robe\nphotos: photos\nscale: {distances: [[IMG_00.jpg-1, IMG_01.jpg-1, 0.5]]}\n", "not in this version");
+    refuse("name: robe\nphotos: photos\nmaterials: [{name: a}]\n", "samples: or model:");
+}
+
+static void test_unreadable_photograph_is_named(void **state)
+{
+    (void)state;
+    assert_ok(tsuya_folder_make(test_path("in/broken")));
+    for (int i = 0; i < 3; i++) {
+        char name[64];
+        snprintf(name, sizeof name, "in/broken/IMG_%02d.jpg", i);
+        write_photo(name, 40, 30);
+    }
+    assert_ok(tsuya_file_write(test_path("in/broken/IMG_03.jpg"), "\xFF\xD8\xFF\xE0 no more", 12));
+    refuse("name: robe\nphotos: broken\n", "IMG_03.jpg");
+}
+
+static void test_stage_names(void **state)
+{
+    (void)state;
+    static const char *const names[] = {"capture", "calib", "reconstruct", "weave", "brdf", "render", "report"};
+    for (int i = 0; i < TSUYA_STAGE_COUNT; i++) {
+        assert_string_equal(tsuya_stages[i].name, names[i]);
+        assert_int_equal(tsuya_stage_find(names[i]), i);
+    }
+    assert_int_equal(tsuya_stage_find("all"), -1);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_defaults),
+        cmocka_unit_test(test_everything_that_is_supported),
+        cmocka_unit_test(test_refusals),
+        cmocka_unit_test(test_what_this_version_lacks_is_said),
+        cmocka_unit_test(test_unreadable_photograph_is_named),
+        cmocka_unit_test(test_stage_names),
+    };
+    int result = cmocka_run_group_tests(tests, make_folder, NULL);
+    test_folder_remove();
+    return result;
+}
