@@ -1,5 +1,7 @@
 #include "core/geometry.h"
 
+#include <stddef.h>
+
 tsuya_mat3 tsuya_mat3_multiply(tsuya_mat3 a, tsuya_mat3 b)
 {
     tsuya_mat3 product;
