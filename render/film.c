@@ -1,0 +1,105 @@
+#include "render/film.h"
+
+#include "core/memory.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+static const float half_largest = 65504.0f;
+
+tsuya_status tsuya_film_save_exr(const tsuya_film *film, const char *path, const tsuya_film_note *note)
+{
+    tsuya_image image;
+    TSUYA_TRY(tsuya_image_create(&image, film->width_px, film->height_px, 4, TSUYA_SAMPLE_F32, TSUYA_ENCODING_LINEAR));
+    for (int y = 0; y < film->height_px; ++y) {
+        for (int x = 0; x < film->width_px; ++x) {
+            size_t k = (size_t)y * (size_t)film->width_px + (size_t)x;
+            float *pixel = tsuya_image_f32(&image, x, y);
+            for (size_t c = 0; c < 3; ++c) {
+                pixel[c] = fminf(film->rgb[3 * k + c], half_largest);
+            }
+            pixel[3] = film->alpha[k];
+        }
+    }
+    tsuya_image_save_options options = tsuya_image_save_options_default();
+    options.exr_half = true;
+    options.attribute_count = note->count;
+    options.attribute_name = note->name;
+    options.attribute_value = note->value;
+    tsuya_status status = tsuya_image_save(&image, path, &options);
+    tsuya_image_free(&image);
+    return status;
+}
+
+tsuya_status tsuya_film_save_png(const tsuya_film *film, const char *path, double exposure_ev)
+{
+    tsuya_image image;
+    float gain = (float)exp2(exposure_ev);
+    TSUYA_TRY(tsuya_image_create(&image, film->width_px, film->height_px, 3, TSUYA_SAMPLE_U8, TSUYA_ENCODING_SRGB));
+    for (int y = 0; y < film->height_px; ++y) {
+        for (int x = 0; x < film->width_px; ++x) {
+            const float *linear = film->rgb + 3 * ((size_t)y * (size_t)film->width_px + (size_t)x);
+            uint8_t *pixel = tsuya_image_u8(&image, x, y);
+            for (int c = 0; c < 3; ++c) {
+                pixel[c] = (uint8_t)lrintf(255.0f * tsuya_srgb_encode(gain * linear[c]));
+            }
+        }
+    }
+    tsuya_status status = tsuya_image_save(&image, path, NULL);
+    tsuya_image_free(&image);
+    return status;
+}
+
+static int compare_floats(const void *a, const void *b)
+{
+    float x = *(const float *)a, y = *(const float *)b;
+    return (x > y) - (x < y);
+}
+
+tsuya_status tsuya_film_auto_exposure(double *exposure_ev, const tsuya_film *film)
+{
+    size_t pixels = (size_t)film->width_px * (size_t)film->height_px, count = 0;
+    float *luminance = tsuya_calloc(pixels, sizeof *luminance);
+    if (!luminance) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    for (size_t k = 0; k < pixels; ++k) {
+        const float *rgb = film->rgb + 3 * k;
+        if (film->alpha[k] > 0.5f) {
+            luminance[count++] = 0.2126f * rgb[0] + 0.7152f * rgb[1] + 0.0722f * rgb[2];
+        }
+    }
+    qsort(luminance, count, sizeof *luminance, compare_floats);
+    double bright = count > 0 ? luminance[(size_t)(0.98 * (double)(count - 1))] : 0.0;
+    *exposure_ev = bright > 0.0 ? log2(0.8 / bright) : 0.0;
+    tsuya_free(luminance);
+    return TSUYA_OK;
+}
+
+tsuya_status tsuya_film_rmse(double *rmse, const tsuya_film *film, const char *reference_path)
+{
+    tsuya_image image = {0}, linear = {0};
+    tsuya_status status = TSUYA_OK;
+    double sum = 0.0;
+    TSUYA_GOTO_DONE(status, tsuya_image_load(&image, reference_path));
+    TSUYA_GOTO_DONE(status, tsuya_image_convert(&linear, &image, TSUYA_SAMPLE_F32, TSUYA_ENCODING_LINEAR));
+    if (linear.width_px != film->width_px || linear.height_px != film->height_px || linear.channels < 3) {
+        TSUYA_GOTO_DONE(status, tsuya_fail(TSUYA_ERROR_INPUT, "%s: %d × %d with %d channels; the picture has %d × %d and r, g, b",
+                                           reference_path, linear.width_px, linear.height_px, linear.channels, film->width_px,
+                                           film->height_px));
+    }
+    for (int y = 0; y < film->height_px; ++y) {
+        for (int x = 0; x < film->width_px; ++x) {
+            const float *a = film->rgb + 3 * ((size_t)y * (size_t)film->width_px + (size_t)x), *b = tsuya_image_f32(&linear, x, y);
+            for (int c = 0; c < 3; ++c) {
+                double d = (double)a[c] - b[c];
+                sum += d * d;
+            }
+        }
+    }
+    *rmse = sqrt(sum / (3.0 * film->width_px * film->height_px));
+done:
+    tsuya_image_free(&image);
+    tsuya_image_free(&linear);
+    return status;
+}

@@ -1,0 +1,24 @@
+/* A rendered picture as files: linear float EXR and a PNG through a stated view transform. */
+#ifndef TSUYA_RENDER_FILM_H
+#define TSUYA_RENDER_FILM_H
+
+#include "core/image.h"
+
+#include "render/path.h"
+
+/* What a picture's header says of it. */
+typedef struct tsuya_film_note {
+    int count;
+    const char *name[16], *value[16];
+} tsuya_film_note;
+
+/* Radiance, linear Rec.709, half floats, ZIP, channels R G B A; A is the cloth's coverage. Values beyond half's range are held at it. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_film_save_exr(const tsuya_film *film, const char *path, const tsuya_film_note *note);
+/* View transform: linear · 2^exposure_ev, clipped to [0, 1], sRGB curve, 8 bits. No tone curve beside. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_film_save_png(const tsuya_film *film, const char *path, double exposure_ev);
+/* The exposure that puts the 98th percentile of the covered pixels' luminance at 0.8; 0 for a picture without cloth or light. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_film_auto_exposure(double *exposure_ev, const tsuya_film *film);
+/* Root mean square difference of the linear channels to an image of the same size; fails on another size. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_film_rmse(double *rmse, const tsuya_film *film, const char *reference_path);
+
+#endif

@@ -1,0 +1,384 @@
+#include "render/render.h"
+
+#include "core/file.h"
+
+#include "render/film.h"
+#include "render/setup.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+/* Raised when the pictures of unchanged inputs change. */
+static const char stage_version[] = "render 1";
+
+tsuya_render_options tsuya_render_options_default(void)
+{
+    return (tsuya_render_options){.views = 1, .width_px = 1280, .height_px = 960, .elevation_deg = 15.0, .field_deg = 30.0,
+                                  .model_view_count = -1, .spp = 64, .bounces = 4, .exposure_ev = NAN};
+}
+
+void tsuya_render_info_to_json(tsuya_json *object, const tsuya_render_info *info)
+{
+    tsuya_json_set_number(object, "width", info->width_px);
+    tsuya_json_set_number(object, "height", info->height_px);
+    tsuya_json_set_number(object, "frames", info->frames);
+    tsuya_json_set_number(object, "frames_reused", info->frames_reused);
+    tsuya_json_set_number(object, "spp", info->spp);
+    tsuya_json_set_number(object, "rays", (double)info->rays);
+    tsuya_json_set_number(object, "seconds", info->seconds);
+    tsuya_json_set_number(object, "mrays_per_s", info->mrays_per_s);
+    tsuya_json_set_number(object, "noise", info->noise);
+    if (!isnan(info->rmse_vs_reference)) {
+        tsuya_json_set_number(object, "rmse_vs_reference", info->rmse_vs_reference);
+    }
+    tsuya_json_set_number(object, "exposure_ev", info->exposure_ev);
+    tsuya_json_set_bool(object, "default_material", info->default_material);
+    tsuya_json_set_bool(object, "has_weft", info->has_weft);
+    tsuya_json_set_number(object, "peak_mb", info->peak_mb);
+}
+
+typedef struct stage {
+    tsuya_render_info *info;
+    const tsuya_render_options *options;
+    const tsuya_context *context;
+    tsuya_render_setup setup;
+    tsuya_path_options path;
+    char *folder, *json_path;
+    tsuya_json *document, *old; /* what is written now; what an earlier run left (NULL: nothing) */
+    tsuya_json *frames;         /* array inside document */
+    tsuya_hash inputs;          /* all that every picture depends on */
+    double exposure_ev;
+    int frame;                  /* for progress */
+} stage;
+
+/* The sequence as one progress bar. */
+static void report_progress(void *user, const char *label, double done, double total, const char *detail)
+{
+    const stage *s = user;
+    char text[64];
+    (void)detail;
+    snprintf(text, sizeof text, "picture %d of %d", s->frame + 1, s->setup.frame_count);
+    s->context->progress(s->context->progress_user, label, s->frame + done / total, s->setup.frame_count, text);
+}
+
+static tsuya_context inner_context(stage *s)
+{
+    tsuya_context context = *s->context;
+    if (context.progress) {
+        context.progress = report_progress;
+        context.progress_user = s;
+    }
+    return context;
+}
+
+/* --- stamps --- */
+
+static void hash_numbers(tsuya_hasher *hasher, const double *numbers, int count)
+{
+    tsuya_hasher_add(hasher, numbers, (size_t)count * sizeof *numbers);
+}
+
+static void hash_vec3(tsuya_hasher *hasher, tsuya_vec3 v)
+{
+    hash_numbers(hasher, (const double[3]){v.x, v.y, v.z}, 3);
+}
+
+static tsuya_status hash_material(tsuya_hasher *hasher, const tsuya_material *material)
+{
+    tsuya_json *root;
+    char *text = NULL;
+    TSUYA_TRY(tsuya_material_to_json(&root, material));
+    tsuya_status status = tsuya_json_print(&text, root);
+    if (status == TSUYA_OK) {
+        tsuya_hasher_add_text(hasher, text);
+    }
+    tsuya_free(text);
+    tsuya_json_free(root);
+    return status;
+}
+
+static void hash_lights(tsuya_hasher *hasher, const tsuya_light_set *set)
+{
+    for (int k = 0; k < set->count; ++k) {
+        const tsuya_light *l = &set->light[k];
+        size_t bytes = 0;
+        const void *map = l->map ? tsuya_environment_bytes(l->map, &bytes) : NULL;
+        hash_numbers(hasher, (const double[2]){l->kind, (double)bytes}, 2);
+        hash_vec3(hasher, l->position_m);
+        hash_vec3(hasher, l->direction);
+        hash_vec3(hasher, l->up);
+        hash_numbers(hasher, l->size_m, 2);
+        hash_numbers(hasher, l->cone_rad, 2);
+        hash_numbers(hasher, l->rgb, 3);
+        if (map) {
+            tsuya_hasher_add(hasher, map, bytes);
+        }
+    }
+}
+
+static tsuya_status hash_inputs(stage *s)
+{
+    tsuya_hasher *hasher;
+    TSUYA_TRY(tsuya_hasher_create(&hasher));
+    tsuya_hasher_add_text(hasher, stage_version);
+    tsuya_status status = tsuya_hasher_add_file(hasher, s->options->mesh_path);
+    for (int k = 0; status == TSUYA_OK && k < s->setup.material_count; ++k) {
+        status = hash_material(hasher, s->setup.material[k]);
+    }
+    hash_lights(hasher, &s->setup.lights);
+    hash_numbers(hasher, (const double[]){s->setup.dye, s->setup.studio, s->path.spp, s->path.noise, s->path.bounces}, 5);
+    hash_numbers(hasher, s->setup.dye_rgb, 3);
+    hash_vec3(hasher, s->setup.up);
+    tsuya_hasher_add(hasher, &s->context->seed, sizeof s->context->seed);
+    s->inputs = tsuya_hasher_end(hasher);
+    return status;
+}
+
+static tsuya_status frame_stamp(tsuya_hash *stamp, const stage *s, const tsuya_render_frame *f)
+{
+    tsuya_hasher *hasher;
+    TSUYA_TRY(tsuya_hasher_create(&hasher));
+    const tsuya_camera *c = &f->camera;
+    tsuya_hasher_add_text(hasher, s->inputs.hex);
+    hash_numbers(hasher, (const double[]){c->lens, c->width_px, c->height_px, c->fx_px, c->fy_px, c->cx_px, c->cy_px, s->exposure_ev}, 8);
+    hash_numbers(hasher, c->distortion, 12);
+    hash_numbers(hasher, &f->camera_from_world.rotation.e[0][0], 9);
+    hash_vec3(hasher, f->camera_from_world.translation);
+    *stamp = tsuya_hasher_end(hasher);
+    return TSUYA_OK;
+}
+
+/* --- pictures --- */
+
+static tsuya_status render_frame(stage *s, const tsuya_render_frame *f, const tsuya_camera *camera, const tsuya_path_options *path,
+                                 tsuya_film *film, tsuya_path_info *info, const tsuya_context *context)
+{
+    tsuya_light_set lights;
+    TSUYA_TRY(tsuya_render_setup_lights(&lights, &s->setup, f));
+    tsuya_status status = tsuya_path_render(film, info, s->setup.scene, &lights, camera, f->camera_from_world, path, context);
+    tsuya_render_setup_lights_free(&lights, &s->setup);
+    return status;
+}
+
+/* Fixed before the first picture, so that the sequence does not flicker. */
+static tsuya_status choose_exposure(stage *s)
+{
+    s->exposure_ev = s->options->exposure_ev;
+    if (!isnan(s->exposure_ev)) {
+        return TSUYA_OK;
+    }
+    const tsuya_render_frame *f = &s->setup.frame[0];
+    int width = f->camera.width_px < 128 ? f->camera.width_px : 128;
+    int height = (int)fmax(1.0, round((double)width * f->camera.height_px / f->camera.width_px));
+    tsuya_camera small = tsuya_camera_scaled(&f->camera, width, height);
+    tsuya_path_options path = s->path;
+    tsuya_context context = *s->context;
+    tsuya_film film;
+    tsuya_path_info info;
+    path.spp = 32;
+    path.noise = 0.0;
+    context.progress = NULL;
+    TSUYA_TRY(render_frame(s, f, &small, &path, &film, &info, &context));
+    tsuya_status status = tsuya_film_auto_exposure(&s->exposure_ev, &film);
+    tsuya_film_free(&film);
+    return status;
+}
+
+static tsuya_status frame_path(char **path, const stage *s, const tsuya_render_frame *f, const char *extension)
+{
+    char name[512];
+    snprintf(name, sizeof name, "%.400s%s", f->name, extension);
+    *path = tsuya_path_join(s->folder, name);
+    return *path ? TSUYA_OK : TSUYA_ERROR_MEMORY;
+}
+
+/* The record of an earlier run for this picture, if it still holds. */
+static const tsuya_json *find_finished(const stage *s, const tsuya_render_frame *f, tsuya_hash stamp, const char *exr, const char *png)
+{
+    const tsuya_json *array = s->old ? tsuya_json_member(s->old, "frames") : NULL;
+    for (const tsuya_json *item = tsuya_json_first(array); item; item = tsuya_json_next(item)) {
+        if (strcmp(tsuya_json_text_or(tsuya_json_member(item, "name"), ""), f->name) == 0 &&
+            strcmp(tsuya_json_text_or(tsuya_json_member(item, "stamp"), ""), stamp.hex) == 0 && tsuya_path_exists(exr) &&
+            tsuya_path_exists(png)) {
+            return item;
+        }
+    }
+    return NULL;
+}
+
+static tsuya_status save_film(const stage *s, const tsuya_render_frame *f, const tsuya_film *film, const tsuya_path_info *info,
+                              const char *exr, const char *png)
+{
+    char seed[32], samples[32], bounces[32], camera[256];
+    const tsuya_camera *c = &f->camera;
+    snprintf(seed, sizeof seed, "%llu", (unsigned long long)s->context->seed);
+    snprintf(samples, sizeof samples, "%.6g", info->spp_mean);
+    snprintf(bounces, sizeof bounces, "%d", s->path.bounces);
+    snprintf(camera, sizeof camera, "%.120s; fx %.6f fy %.6f cx %.6f cy %.6f", f->source, c->fx_px, c->fy_px, c->cx_px, c->cy_px);
+    tsuya_film_note note = {.count = 7,
+                            .name = {"software", "camera", "model", "seed", "samples", "bounces", "colorSpace"},
+                            .value = {"tsuya " TSUYA_VERSION, camera, tsuya_material_get_info(s->setup.material[0]).name, seed, samples,
+                                      bounces, "linear Rec.709"}};
+    TSUYA_TRY(tsuya_film_save_exr(film, exr, &note));
+    return tsuya_film_save_png(film, png, s->exposure_ev);
+}
+
+static void record_frame(stage *s, const tsuya_render_frame *f, tsuya_hash stamp, const tsuya_path_info *info)
+{
+    tsuya_json *record = tsuya_json_add_object(s->frames);
+    tsuya_json_set_text(record, "name", f->name);
+    tsuya_json_set_text(record, "camera", f->source);
+    tsuya_json_set_text(record, "stamp", stamp.hex);
+    tsuya_json_set_number(record, "width", f->camera.width_px);
+    tsuya_json_set_number(record, "height", f->camera.height_px);
+    tsuya_json_set_number(record, "spp", info->spp_mean);
+    tsuya_json_set_number(record, "rays", (double)info->rays);
+    tsuya_json_set_number(record, "trace_seconds", info->seconds);
+    tsuya_json_set_number(record, "noise", info->noise_median);
+}
+
+static void take_record(tsuya_path_info *info, const tsuya_json *record)
+{
+    *info = (tsuya_path_info){
+        .seconds = tsuya_json_number_or(tsuya_json_member(record, "trace_seconds"), 0.0),
+        .spp_mean = tsuya_json_number_or(tsuya_json_member(record, "spp"), 0.0),
+        .rays = (uint64_t)fmax(0.0, tsuya_json_number_or(tsuya_json_member(record, "rays"), 0.0)),
+        .noise_median = tsuya_json_number_or(tsuya_json_member(record, "noise"), 0.0),
+    };
+}
+
+static void add_figures(stage *s, const tsuya_path_info *frame)
+{
+    tsuya_render_info *info = s->info;
+    info->spp += (frame->spp_mean - info->spp) / (s->frame + 1);
+    info->rays += frame->rays;
+    info->trace_seconds += frame->seconds;
+    info->noise = fmax(info->noise, frame->noise_median);
+    info->mrays_per_s = info->trace_seconds > 0.0 ? (double)info->rays / info->trace_seconds * 1e-6 : 0.0;
+}
+
+static tsuya_status save_document(stage *s, double start)
+{
+    s->info->seconds = tsuya_clock_s() - start;
+    s->info->peak_mb = tsuya_peak_memory_mb();
+    tsuya_render_info_to_json(s->document, s->info);
+    return tsuya_json_save(s->document, s->json_path);
+}
+
+static tsuya_status do_frame(stage *s, const tsuya_render_frame *f, const char *exr, const char *png)
+{
+    tsuya_hash stamp;
+    tsuya_path_info info;
+    tsuya_film film;
+    TSUYA_TRY(frame_stamp(&stamp, s, f));
+    const tsuya_json *finished = find_finished(s, f, stamp, exr, png);
+    bool compared = s->frame == 0 && s->options->reference_path;
+    if (finished && !compared) {
+        take_record(&info, finished);
+        s->info->frames_reused++;
+    } else {
+        tsuya_context context = inner_context(s);
+        TSUYA_TRY(render_frame(s, f, &f->camera, &s->path, &film, &info, &context));
+        tsuya_status status = save_film(s, f, &film, &info, exr, png);
+        if (status == TSUYA_OK && compared) {
+            status = tsuya_film_rmse(&s->info->rmse_vs_reference, &film, s->options->reference_path);
+        }
+        tsuya_film_free(&film);
+        TSUYA_TRY(status);
+    }
+    record_frame(s, f, stamp, &info);
+    add_figures(s, &info);
+    return TSUYA_OK;
+}
+
+static tsuya_status render_sequence(stage *s, double start)
+{
+    for (s->frame = 0; s->frame < s->setup.frame_count; ++s->frame) {
+        const tsuya_render_frame *f = &s->setup.frame[s->frame];
+        char *exr = NULL, *png = NULL;
+        tsuya_status status = frame_path(&exr, s, f, ".exr");
+        if (status == TSUYA_OK) {
+            status = frame_path(&png, s, f, ".png");
+        }
+        if (status == TSUYA_OK) {
+            status = do_frame(s, f, exr, png);
+        }
+        tsuya_free(exr);
+        tsuya_free(png);
+        TSUYA_TRY(status);
+        TSUYA_TRY(save_document(s, start));
+    }
+    return TSUYA_OK;
+}
+
+static void describe(stage *s)
+{
+    static const char *const dye_name[] = {"material", "vertex colours", "colour"};
+    tsuya_json *materials = tsuya_json_set_array(s->document, "materials");
+    for (int k = 0; k < s->setup.material_count; ++k) {
+        tsuya_material_info m = tsuya_material_get_info(s->setup.material[k]);
+        tsuya_json *entry = tsuya_json_add_object(materials);
+        tsuya_json_set_text(entry, "name", m.name);
+        tsuya_json_set_text(entry, "model", m.model);
+        tsuya_json_set_bool(entry, "default", m.is_default);
+        tsuya_json_set_text(entry, "note", m.note);
+    }
+    tsuya_json_set_text(s->document, "mesh", s->options->mesh_path);
+    tsuya_json_set_text(s->document, "lights", s->setup.studio ? "studio standing with the camera" : s->options->lights_path);
+    tsuya_json_set_text(s->document, "dye", dye_name[s->setup.dye]);
+    tsuya_json_set_text(s->document, "color", s->options->color);
+    tsuya_json_set_number(s->document, "seed", (double)s->context->seed);
+    tsuya_json_set_number(s->document, "bounces", s->path.bounces);
+    tsuya_json *view = tsuya_json_set_object(s->document, "view_transform");
+    tsuya_json_set_number(view, "exposure_ev", s->exposure_ev);
+    tsuya_json_set_text(view, "curve", "linear × 2^exposure_ev, clipped to [0, 1], sRGB");
+    s->frames = tsuya_json_set_array(s->document, "frames");
+}
+
+static tsuya_status open_folder(stage *s)
+{
+    const tsuya_render_options *o = s->options;
+    s->folder = o->name ? tsuya_path_join(o->output_folder, o->name) : tsuya_strdup(o->output_folder);
+    s->json_path = s->folder ? tsuya_path_join(s->folder, "render.json") : NULL;
+    if (!s->json_path) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    TSUYA_TRY(tsuya_folder_make(s->folder));
+    if (tsuya_path_exists(s->json_path) && tsuya_json_load(&s->old, s->json_path) != TSUYA_OK) {
+        tsuya_warn("%s; its pictures are rendered again", tsuya_reason());
+        s->old = NULL;
+    }
+    s->document = tsuya_json_create_object();
+    return s->document ? TSUYA_OK : TSUYA_ERROR_MEMORY;
+}
+
+tsuya_status tsuya_render(tsuya_render_info *info, const tsuya_render_options *options, const tsuya_context *context)
+{
+    double start = tsuya_clock_s();
+    tsuya_status status = TSUYA_OK;
+    stage s = {.info = info, .options = options, .context = context, .path = tsuya_path_options_default()};
+    *info = (tsuya_render_info){.rmse_vs_reference = NAN};
+    s.path.spp = options->spp;
+    s.path.noise = options->noise;
+    s.path.bounces = options->bounces;
+    TSUYA_GOTO_DONE(status, open_folder(&s));
+    TSUYA_GOTO_DONE(status, tsuya_render_setup_create(&s.setup, options));
+    info->frames = s.setup.frame_count;
+    info->width_px = s.setup.frame[0].camera.width_px;
+    info->height_px = s.setup.frame[0].camera.height_px;
+    info->default_material = s.setup.default_material;
+    info->has_weft = s.setup.mesh.weft != NULL;
+    TSUYA_GOTO_DONE(status, hash_inputs(&s));
+    TSUYA_GOTO_DONE(status, choose_exposure(&s));
+    info->exposure_ev = s.exposure_ev;
+    describe(&s);
+    TSUYA_GOTO_DONE(status, render_sequence(&s, start));
+done:
+    tsuya_render_setup_free(&s.setup);
+    tsuya_json_free(s.document);
+    tsuya_json_free(s.old);
+    tsuya_free(s.folder);
+    tsuya_free(s.json_path);
+    return status;
+}

@@ -1,0 +1,67 @@
+/* The stage `render`: pictures of a mesh with its weft and materials, under lamps, through cameras. */
+#ifndef TSUYA_RENDER_RENDER_H
+#define TSUYA_RENDER_RENDER_H
+
+#include "core/camera.h"
+#include "core/context.h"
+#include "core/geometry.h"
+#include "core/json.h"
+
+typedef struct tsuya_render_options {
+    const char *mesh_path;           /* weave.ply or mesh.ply */
+    const char *const *material_path; /* by the mesh's material index; a single one serves every index */
+    int material_count;              /* 0: the built-in silk, which is said in a warning and in render.json */
+    const char *lights_path;         /* NULL: a soft studio that stands with the camera */
+    int views;                       /* of the turntable, where no camera is given */
+    int width_px, height_px;         /* of the turntable's pictures; capture cameras bring their own size */
+    double elevation_deg, field_deg; /* of the turntable's camera: height over the table's plane, narrower angle of view */
+    tsuya_vec3 up;                   /* axis of the turntable; zero: +z */
+    const char *const *camera_path;  /* mrcal .cameramodel files, extrinsics are the pose */
+    int camera_count;
+    /* Further cameras, from a reconstruction: one picture each, named after the photograph; may be NULL. */
+    const tsuya_sparse_model *model;
+    const int *model_view;           /* indices into the model's views */
+    int model_view_count;            /* −1: every view */
+    const char *color;               /* "#7a1f2b" (sRGB) or "r,g,b" (linear reflectances in [0, 1]); NULL: see below */
+    int spp;                         /* samples per pixel; with `noise` the most that a pixel gets */
+    double noise;                    /* > 0: relative standard error that a pixel aims at; see render/path.h */
+    int bounces;                     /* reflections along a path; 1: lamps only */
+    double exposure_ev;              /* of the PNGs; NaN: chosen from a preview of the first picture */
+    const char *reference_path;      /* linear EXR to compare the first picture with; NULL: none */
+    const char *output_folder;       /* JOB/render */
+    const char *name;                /* subfolder; NULL: output_folder itself */
+} tsuya_render_options;
+
+/* 1 view of 1280 × 960 at 15° elevation and 30° field, 64 spp, 4 bounces, automatic exposure. */
+TSUYA_API tsuya_render_options tsuya_render_options_default(void);
+
+typedef struct tsuya_render_info {
+    int width_px, height_px, frames, frames_reused;
+    double spp;             /* mean over all pixels of the frames rendered */
+    uint64_t rays;
+    double seconds;         /* whole stage */
+    double trace_seconds;   /* inside the path tracer */
+    double mrays_per_s;     /* rays over trace_seconds */
+    double noise;           /* median relative standard error of pixels on the cloth, worst frame */
+    double rmse_vs_reference; /* NaN without a reference */
+    double exposure_ev, peak_mb;
+    bool default_material, has_weft;
+} tsuya_render_info;
+
+/* Writes OUTPUT/NAME/frame_000.{png,exr} … and render.json, whose "frames" record a stamp of everything that a picture
+ * depends on: a picture whose stamp is unchanged and whose files are there is passed over, so that an interrupted
+ * sequence goes on where it stopped.
+ *
+ * Colour: `color` becomes the dye; without it, the built-in material takes the mesh's vertex colours for its dye and a
+ * measured one keeps what was measured.
+ *
+ * Fails on unreadable inputs (named), NaN vertices (index named), a mesh without vertices, materials whose channels are not
+ * r, g, b. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_render(tsuya_render_info *info, const tsuya_render_options *options,
+                                                     const tsuya_context *context);
+TSUYA_API void tsuya_render_info_to_json(tsuya_json *object, const tsuya_render_info *info);
+
+/* A colour as a linear Rec.709 reflectance; what `color` above accepts. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_render_parse_color(double rgb[3], const char *text);
+
+#endif

@@ -1,0 +1,293 @@
+/* Shading normals without leaks and without black facets.
+ *
+ * A ray leaves the point that Phong tessellation lifts onto the smooth surface of the vertex normals (Hanika, "Hacking the
+ * shadow terminator", Ray Tracing Gems II, ch. 4, 2021), so that the triangles of a smooth fold do not shade each other near
+ * the terminator; what is in the way is decided by tracing alone, so nothing leaks through the cloth.  Where a shading normal
+ * would turn away from the viewer it is bent back to him. */
+#include "render/scene.h"
+
+#include "core/image.h"
+#include "core/memory.h"
+
+#include "render/frame.h"
+
+#include <math.h>
+#include <string.h>
+
+typedef struct scene_vertex { /* one cache line */
+    float position[3], normal[3], weft[3], dye[3];
+    uint32_t material;
+    uint32_t unused[3];
+} scene_vertex;
+
+struct tsuya_scene {
+    tsuya_ray_scene *rays;
+    scene_vertex *vertex;
+    uint32_t *triangle;
+    tsuya_shader *shader;
+    int shader_count;
+    tsuya_dye_source dye;
+    tsuya_vec3 low, high;
+    double bias; /* distance that a float ray needs to clear the surface it leaves */
+};
+
+static double material_eval_pdf(const void *user, const double *dye, tsuya_vec3 wi, tsuya_vec3 wo, double value[3])
+{
+    return tsuya_material_eval_pdf(user, dye, wi, wo, value);
+}
+
+static bool material_sample(const void *user, const double *dye, tsuya_vec3 wo, const double u[3], tsuya_vec3 *wi)
+{
+    return tsuya_material_sample(user, dye, wo, u, wi);
+}
+
+tsuya_status tsuya_shader_from_material(tsuya_shader *shader, const tsuya_material *material)
+{
+    static const char *const rgb[3] = {"r", "g", "b"};
+    tsuya_material_info info = tsuya_material_get_info(material);
+    for (int c = 0; c < 3; ++c) {
+        if (info.channel_count != 3 || strcmp(info.channel[c], rgb[c]) != 0) {
+            return tsuya_fail(TSUYA_ERROR_INPUT, "%s: %d channels from \"%s\"; rendering needs the channels r, g, b", info.name,
+                              info.channel_count, info.channel[0]);
+        }
+    }
+    *shader = (tsuya_shader){material, material_eval_pdf, material_sample};
+    return TSUYA_OK;
+}
+
+tsuya_scene_options tsuya_scene_options_default(void)
+{
+    return (tsuya_scene_options){.dye = TSUYA_DYE_OF_MATERIAL, .vertex_dye_scale = 0.8};
+}
+
+static tsuya_vec3 vec3_from(const float *v)
+{
+    return (tsuya_vec3){v[0], v[1], v[2]};
+}
+
+/* Unit, or zero where the input is zero or not finite. */
+static void store_direction(float *out, const float *in)
+{
+    tsuya_vec3 v = vec3_from(in), u = tsuya_vec3_unit(v);
+    bool good = isfinite(u.x) && isfinite(u.y) && isfinite(u.z);
+    out[0] = good ? (float)u.x : 0.0f;
+    out[1] = good ? (float)u.y : 0.0f;
+    out[2] = good ? (float)u.z : 0.0f;
+}
+
+static tsuya_status check_options(const tsuya_mesh *mesh, const tsuya_scene_options *o)
+{
+    if (o->shader_count < 1) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "scene: no material; at least one is needed");
+    }
+    for (size_t v = 0; mesh->material && o->shader_count > 1 && v < mesh->vertex_count; ++v) {
+        if (mesh->material[v] >= o->shader_count) {
+            return tsuya_fail(TSUYA_ERROR_INPUT, "mesh: vertex %zu: material %d; %d materials are given", v, mesh->material[v],
+                              o->shader_count);
+        }
+    }
+    for (int c = 0; o->dye == TSUYA_DYE_OF_COLOR && c < 3; ++c) {
+        if (!(o->dye_rgb[c] >= 0.0 && o->dye_rgb[c] <= 1.0)) {
+            return tsuya_fail(TSUYA_ERROR_INPUT, "colour: %g; expected linear reflectances in [0, 1]", o->dye_rgb[c]);
+        }
+    }
+    if (o->dye == TSUYA_DYE_OF_VERTICES && !mesh->color) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "mesh: no vertex colours to take the dye from");
+    }
+    return TSUYA_OK;
+}
+
+static void fill_vertices(tsuya_scene *s, const tsuya_mesh *mesh, const float *normal, const tsuya_scene_options *o)
+{
+    float linear[256];
+    for (int k = 0; k < 256; ++k) {
+        linear[k] = tsuya_srgb_decode((float)k / 255.0f) * (float)o->vertex_dye_scale;
+    }
+    for (size_t v = 0; v < mesh->vertex_count; ++v) {
+        scene_vertex *out = &s->vertex[v];
+        memcpy(out->position, mesh->position + 3 * v, sizeof out->position);
+        store_direction(out->normal, normal + 3 * v);
+        bool known = mesh->weft && !(mesh->weave_confidence && !(mesh->weave_confidence[v] > 0.0f));
+        if (known) {
+            store_direction(out->weft, mesh->weft + 3 * v);
+        }
+        for (int c = 0; c < 3; ++c) {
+            out->dye[c] = o->dye == TSUYA_DYE_OF_VERTICES ? linear[mesh->color[3 * v + (size_t)c]] : (float)o->dye_rgb[c];
+        }
+        out->material = mesh->material && o->shader_count > 1 ? mesh->material[v] : 0;
+    }
+}
+
+static tsuya_status fill(tsuya_scene *s, const tsuya_mesh *mesh, const tsuya_scene_options *o)
+{
+    tsuya_status status = TSUYA_OK;
+    tsuya_mesh with_normals = {0};
+    const float *normal = mesh->normal;
+    TSUYA_NEW(status, s->vertex, mesh->vertex_count);
+    TSUYA_NEW(status, s->triangle, 3 * mesh->triangle_count);
+    TSUYA_NEW(status, s->shader, (size_t)o->shader_count);
+    memcpy(s->triangle, mesh->triangle, 3 * mesh->triangle_count * sizeof *s->triangle);
+    memcpy(s->shader, o->shader, (size_t)o->shader_count * sizeof *s->shader);
+    s->shader_count = o->shader_count;
+    s->dye = o->dye;
+    if (!normal) {
+        TSUYA_GOTO_DONE(status, tsuya_mesh_create(&with_normals, mesh->vertex_count, mesh->triangle_count, TSUYA_MESH_NORMAL));
+        memcpy(with_normals.position, mesh->position, 3 * mesh->vertex_count * sizeof *mesh->position);
+        memcpy(with_normals.triangle, mesh->triangle, 3 * mesh->triangle_count * sizeof *mesh->triangle);
+        TSUYA_GOTO_DONE(status, tsuya_mesh_compute_normals(&with_normals));
+        normal = with_normals.normal;
+    }
+    fill_vertices(s, mesh, normal, o);
+    tsuya_mesh_bounds(mesh, &s->low, &s->high);
+    double reach = 0.0;
+    const double corner[6] = {s->low.x, s->low.y, s->low.z, s->high.x, s->high.y, s->high.z};
+    for (int k = 0; k < 6 && mesh->vertex_count > 0; ++k) {
+        reach = fmax(reach, fabs(corner[k]));
+    }
+    s->bias = 8.0 * 0x1.0p-24 * reach;
+done:
+    tsuya_mesh_free(&with_normals);
+    return status;
+}
+
+tsuya_status tsuya_scene_create(tsuya_scene **scene, const tsuya_mesh *mesh, const tsuya_scene_options *options)
+{
+    tsuya_status status = TSUYA_OK;
+    tsuya_scene *s = NULL;
+    *scene = NULL;
+    TSUYA_TRY(check_options(mesh, options));
+    TSUYA_NEW(status, s, 1);
+    TSUYA_GOTO_DONE(status, tsuya_ray_scene_create(&s->rays, mesh));
+    TSUYA_GOTO_DONE(status, fill(s, mesh, options));
+    if (!mesh->weft && mesh->triangle_count > 0) {
+        tsuya_warn("mesh: no weft; the reflectance is averaged over the azimuth, so the sheen has no direction");
+    }
+    *scene = s;
+    return TSUYA_OK;
+done:
+    tsuya_scene_free(s);
+    return status;
+}
+
+void tsuya_scene_free(tsuya_scene *scene)
+{
+    if (scene) {
+        tsuya_ray_scene_free(scene->rays);
+        tsuya_free(scene->vertex);
+        tsuya_free(scene->triangle);
+        tsuya_free(scene->shader);
+        tsuya_free(scene);
+    }
+}
+
+bool tsuya_scene_intersect(const tsuya_scene *scene, const tsuya_ray *ray, tsuya_ray_hit *hit)
+{
+    return tsuya_ray_scene_intersect(scene->rays, ray, hit);
+}
+
+bool tsuya_scene_occluded(const tsuya_scene *scene, const tsuya_ray *ray)
+{
+    return tsuya_ray_scene_occluded(scene->rays, ray);
+}
+
+void tsuya_scene_bounds(const tsuya_scene *scene, tsuya_vec3 *low, tsuya_vec3 *high)
+{
+    *low = scene->low;
+    *high = scene->high;
+}
+
+/* The vertex's normal on the side of ng; ng itself where it has none. */
+static tsuya_vec3 oriented_normal(const scene_vertex *v, tsuya_vec3 ng)
+{
+    tsuya_vec3 n = vec3_from(v->normal);
+    double side = tsuya_vec3_dot(n, ng);
+    if (side == 0.0) {
+        return ng;
+    }
+    return side > 0.0 ? n : tsuya_vec3_scale(n, -1.0);
+}
+
+/* Bent towards wo until it faces it. */
+static tsuya_vec3 facing(tsuya_vec3 n, tsuya_vec3 wo)
+{
+    const double least = 1e-3;
+    double cosine = tsuya_vec3_dot(n, wo);
+    return cosine >= least ? n : tsuya_vec3_unit(tsuya_vec3_mad(n, least - cosine, wo));
+}
+
+/* Weft is an axis: its sign may differ from vertex to vertex, so the corners are aligned to the first that has one. */
+static tsuya_vec3 interpolate_weft(const scene_vertex *const v[3], const double b[3])
+{
+    tsuya_vec3 sum = {0, 0, 0}, first = {0, 0, 0};
+    for (int k = 0; k < 3; ++k) {
+        tsuya_vec3 w = vec3_from(v[k]->weft);
+        if (tsuya_vec3_dot(first, first) == 0.0) {
+            first = w;
+        }
+        sum = tsuya_vec3_mad(sum, tsuya_vec3_dot(w, first) < 0.0 ? -b[k] : b[k], w);
+    }
+    return sum;
+}
+
+static void set_frame(tsuya_surface *s, const scene_vertex *const v[3], const double b[3])
+{
+    tsuya_vec3 weft = interpolate_weft(v, b), x = tsuya_vec3_mad(weft, -tsuya_vec3_dot(weft, s->n), s->n);
+    /* shorter than this, the direction is an accident of rounding or of corners that contradict each other */
+    s->has_weft = tsuya_vec3_norm(x) > 0.02;
+    if (s->has_weft) {
+        s->x = tsuya_vec3_unit(x);
+        s->y = tsuya_vec3_cross(s->n, s->x);
+    } else {
+        tsuya_frame_from_normal(s->n, &s->x, &s->y);
+    }
+}
+
+static void set_dye(const tsuya_scene *scene, tsuya_surface *s, const scene_vertex *const v[3], const double b[3])
+{
+    for (int c = 0; c < 3; ++c) {
+        s->dye_rgb[c] = b[0] * v[0]->dye[c] + b[1] * v[1]->dye[c] + b[2] * v[2]->dye[c];
+    }
+    s->dye = scene->dye == TSUYA_DYE_OF_MATERIAL ? NULL : s->dye_rgb;
+    int nearest = b[1] > b[0] ? (b[2] > b[1] ? 2 : 1) : (b[2] > b[0] ? 2 : 0);
+    s->shader = &scene->shader[v[nearest]->material];
+}
+
+void tsuya_scene_surface(const tsuya_scene *scene, const tsuya_ray_hit *hit, tsuya_vec3 wo, tsuya_surface *s)
+{
+    const uint32_t *index = scene->triangle + 3 * (size_t)hit->triangle;
+    const scene_vertex *const v[3] = {&scene->vertex[index[0]], &scene->vertex[index[1]], &scene->vertex[index[2]]};
+    const double b[3] = {1.0 - hit->u - hit->v, hit->u, hit->v};
+    tsuya_vec3 corner[3], normal[3];
+    s->p = (tsuya_vec3){0, 0, 0};
+    for (int k = 0; k < 3; ++k) {
+        corner[k] = vec3_from(v[k]->position);
+        s->p = tsuya_vec3_mad(s->p, b[k], corner[k]);
+    }
+    tsuya_vec3 ng = tsuya_vec3_unit(tsuya_vec3_cross(tsuya_vec3_sub(corner[1], corner[0]), tsuya_vec3_sub(corner[2], corner[0])));
+    ng = tsuya_vec3_norm(ng) > 0.5 ? ng : wo;
+    s->ng = tsuya_vec3_dot(ng, wo) < 0.0 ? tsuya_vec3_scale(ng, -1.0) : ng;
+    tsuya_vec3 n = {0, 0, 0};
+    s->lifted = s->p;
+    for (int k = 0; k < 3; ++k) {
+        normal[k] = oriented_normal(v[k], s->ng);
+        n = tsuya_vec3_mad(n, b[k], normal[k]);
+        double below = fmin(0.0, tsuya_vec3_dot(tsuya_vec3_sub(s->p, corner[k]), normal[k]));
+        s->lifted = tsuya_vec3_mad(s->lifted, -b[k] * below, normal[k]);
+    }
+    s->lift = tsuya_vec3_norm(tsuya_vec3_sub(s->lifted, s->p));
+    s->n = facing(tsuya_vec3_unit(n), wo);
+    set_frame(s, v, b);
+    set_dye(scene, s, v, b);
+}
+
+bool tsuya_surface_ray_origin(const tsuya_scene *scene, const tsuya_surface *s, tsuya_vec3 wi, tsuya_vec3 *origin)
+{
+    /* Far from the terminator the plain point serves, and cannot be lifted into a layer that lies close above. */
+    const double steep = 0.25;
+    double side = tsuya_vec3_dot(wi, s->ng);
+    if (side <= 0.0 && s->lift <= 2.0 * scene->bias) {
+        return false;
+    }
+    *origin = tsuya_vec3_mad(side < steep ? s->lifted : s->p, scene->bias, s->ng);
+    return true;
+}

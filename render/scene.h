@@ -1,0 +1,72 @@
+/* A mesh ready to be shaded: rays, interpolated normals and weft, dye, and how each material reflects. */
+#ifndef TSUYA_RENDER_SCENE_H
+#define TSUYA_RENDER_SCENE_H
+
+#include "brdf/material.h"
+
+#include "core/mesh.h"
+
+#include "render/embree_adapter.h"
+
+/* How a cloth reflects, in its own frame (x weft, y warp, z normal); wi and wo unit, wo above the surface.  dye: three
+ * numbers, or NULL for the material's own.  Anything can stand behind it, not only fitted materials. */
+typedef struct tsuya_shader {
+    const void *user;
+    /* Writes the BRDF (sr⁻¹, r g b) and returns the density of `sample`; both 0 under the surface. */
+    double (*eval_pdf)(const void *user, const double *dye, tsuya_vec3 wi, tsuya_vec3 wo, double value[3]);
+    /* false when the draw ended under the surface */
+    bool (*sample)(const void *user, const double *dye, tsuya_vec3 wo, const double u[3], tsuya_vec3 *wi);
+} tsuya_shader;
+
+/* Borrows the material.  Fails unless its channels are r, g, b. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_shader_from_material(tsuya_shader *shader, const tsuya_material *material);
+
+typedef enum tsuya_dye_source {
+    TSUYA_DYE_OF_MATERIAL, /* what was measured */
+    TSUYA_DYE_OF_VERTICES, /* the mesh's vertex colours, made linear, as the dye's reflectance */
+    TSUYA_DYE_OF_COLOR,    /* one colour everywhere */
+} tsuya_dye_source;
+
+typedef struct tsuya_scene_options {
+    const tsuya_shader *shader; /* by the mesh's material index; a single one serves every index */
+    int shader_count;
+    tsuya_dye_source dye;
+    double dye_rgb[3]; /* linear, for TSUYA_DYE_OF_COLOR */
+    /* Colours of photographs carry their shading and can reach 1; a cloth reflects less.  Factor on vertex colours. */
+    double vertex_dye_scale;
+} tsuya_scene_options;
+TSUYA_API tsuya_scene_options tsuya_scene_options_default(void); /* no shader, dye of the material, scale 0.8 */
+
+typedef struct tsuya_scene tsuya_scene;
+
+/* Copies what it needs of the mesh; borrows what stands behind the shaders.  Normals are computed where the mesh has none;
+ * zero or non-finite normals fall back to the triangle's own.  Where the weft is missing, zero, non-finite or parallel to the
+ * normal, the reflectance is averaged over the azimuth (a random turn per sample); a mesh with no weft at all is said once as a
+ * warning.  Fails on non-finite vertices (index named), indices out of range, a material index without a shader,
+ * dye outside [0, 1]. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_scene_create(tsuya_scene **scene, const tsuya_mesh *mesh,
+                                                           const tsuya_scene_options *options);
+TSUYA_API void tsuya_scene_free(tsuya_scene *scene);
+
+/* A point on the cloth, seen from wo. */
+typedef struct tsuya_surface {
+    tsuya_vec3 p;       /* on the triangle */
+    tsuya_vec3 lifted;  /* p lifted to the smooth surface that the vertex normals describe */
+    double lift;        /* |lifted − p| */
+    tsuya_vec3 ng;      /* triangle's normal on the viewer's side */
+    tsuya_vec3 x, y, n; /* shading frame: weft, warp, normal; n·wo > 0 */
+    bool has_weft;      /* else x, y are any tangents */
+    const tsuya_shader *shader;
+    const double *dye;  /* NULL or dye_rgb */
+    double dye_rgb[3];
+} tsuya_surface;
+
+bool tsuya_scene_intersect(const tsuya_scene *scene, const tsuya_ray *ray, tsuya_ray_hit *hit);
+bool tsuya_scene_occluded(const tsuya_scene *scene, const tsuya_ray *ray);
+void tsuya_scene_surface(const tsuya_scene *scene, const tsuya_ray_hit *hit, tsuya_vec3 wo, tsuya_surface *surface);
+/* Where a ray from a surface point towards wi starts; false when wi leaves through the cloth (nothing gets there). */
+bool tsuya_surface_ray_origin(const tsuya_scene *scene, const tsuya_surface *surface, tsuya_vec3 wi, tsuya_vec3 *origin);
+/* Lower and upper corner of what rays can hit; low > high when empty. */
+void tsuya_scene_bounds(const tsuya_scene *scene, tsuya_vec3 *low, tsuya_vec3 *high);
+
+#endif

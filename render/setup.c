@@ -1,0 +1,239 @@
+#include "render/setup.h"
+
+#include "core/file.h"
+#include "core/image.h"
+#include "core/table.h"
+
+#include "render/views.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+static int hex_digit(char c)
+{
+    return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1;
+}
+
+static bool parse_hex(double rgb[3], const char *text)
+{
+    if (text[0] != '#' || strlen(text) != 7) {
+        return false;
+    }
+    for (int c = 0; c < 3; ++c) {
+        int high = hex_digit(text[1 + 2 * c]), low = hex_digit(text[2 + 2 * c]);
+        if (high < 0 || low < 0) {
+            return false;
+        }
+        rgb[c] = tsuya_srgb_decode((float)(16 * high + low) / 255.0f);
+    }
+    return true;
+}
+
+static bool parse_numbers(double rgb[3], const char *text)
+{
+    char part[3][32];
+    int used = 0;
+    if (sscanf(text, "%31[^,],%31[^,],%31[^,]%n", part[0], part[1], part[2], &used) != 3 || text[used] != '\0') {
+        return false;
+    }
+    for (int c = 0; c < 3; ++c) {
+        if (!tsuya_parse_number(&rgb[c], part[c]) || !(rgb[c] >= 0.0 && rgb[c] <= 1.0)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+tsuya_status tsuya_render_parse_color(double rgb[3], const char *text)
+{
+    if (parse_hex(rgb, text) || parse_numbers(rgb, text)) {
+        return TSUYA_OK;
+    }
+    return tsuya_fail(TSUYA_ERROR_INPUT, "colour \"%.60s\": expected \"#rrggbb\" (sRGB) or \"r,g,b\" (linear, each in [0, 1])", text);
+}
+
+static tsuya_status load_materials(tsuya_render_setup *s, const tsuya_render_options *o)
+{
+    s->material_count = o->material_count > 0 ? o->material_count : 1;
+    s->material = tsuya_calloc((size_t)s->material_count, sizeof *s->material);
+    if (!s->material) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    if (o->material_count == 0) {
+        tsuya_warn("no material was given: the built-in silk is used, which nobody measured");
+        s->default_material = true;
+        return tsuya_material_default_silk(&s->material[0]);
+    }
+    for (int k = 0; k < o->material_count; ++k) {
+        TSUYA_TRY(tsuya_material_load(&s->material[k], o->material_path[k]));
+        s->default_material |= tsuya_material_get_info(s->material[k]).is_default;
+    }
+    return TSUYA_OK;
+}
+
+static tsuya_status choose_dye(tsuya_render_setup *s, const tsuya_render_options *o)
+{
+    s->dye = TSUYA_DYE_OF_MATERIAL;
+    if (o->color) {
+        s->dye = TSUYA_DYE_OF_COLOR;
+        return tsuya_render_parse_color(s->dye_rgb, o->color);
+    }
+    if (s->default_material && s->mesh.color) {
+        s->dye = TSUYA_DYE_OF_VERTICES;
+    }
+    return TSUYA_OK;
+}
+
+static tsuya_status make_scene(tsuya_render_setup *s, const tsuya_render_options *o)
+{
+    tsuya_scene_options options = tsuya_scene_options_default();
+    tsuya_shader *shader = tsuya_arena_alloc(s->arena, (size_t)s->material_count, sizeof *shader);
+    if (!shader) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    TSUYA_TRY(choose_dye(s, o));
+    for (int k = 0; k < s->material_count; ++k) {
+        TSUYA_TRY(tsuya_shader_from_material(&shader[k], s->material[k]));
+        /* a dye laid over a measured one lies under the surface part, whatever the fit assumed of its own */
+        TSUYA_TRY(s->dye == TSUYA_DYE_OF_COLOR ? tsuya_material_set_dye(s->material[k], s->dye_rgb) : TSUYA_OK);
+    }
+    options.shader = shader;
+    options.shader_count = s->material_count;
+    options.dye = s->dye;
+    memcpy(options.dye_rgb, s->dye_rgb, sizeof options.dye_rgb);
+    return tsuya_scene_create(&s->scene, &s->mesh, &options);
+}
+
+static tsuya_render_frame *add_frame(tsuya_render_setup *s, const char *name, const char *source)
+{
+    tsuya_render_frame *frame = &s->frame[s->frame_count++];
+    frame->name = name;
+    frame->source = source;
+    return name && source ? frame : NULL;
+}
+
+static tsuya_status add_turntable(tsuya_render_setup *s, const tsuya_render_options *o)
+{
+    tsuya_turntable table = {.up = s->up, .elevation_rad = tsuya_rad_from_deg(o->elevation_deg),
+                             .field_rad = tsuya_rad_from_deg(o->field_deg), .width_px = o->width_px, .height_px = o->height_px};
+    TSUYA_TRY(tsuya_turntable_fit(&table, &s->mesh));
+    for (int k = 0; k < o->views; ++k) {
+        tsuya_render_frame *frame = add_frame(s, tsuya_arena_printf(s->arena, "frame_%03d", k),
+                                              tsuya_arena_printf(s->arena, "turntable %d of %d", k, o->views));
+        if (!frame) {
+            return TSUYA_ERROR_MEMORY;
+        }
+        tsuya_turntable_view(&table, k, o->views, &frame->camera, &frame->camera_from_world);
+    }
+    return TSUYA_OK;
+}
+
+static tsuya_status add_model_views(tsuya_render_setup *s, const tsuya_render_options *o, int count)
+{
+    for (int k = 0; k < count; ++k) {
+        int index = o->model_view_count < 0 ? k : o->model_view[k];
+        if (index < 0 || index >= o->model->view_count) {
+            return tsuya_fail(TSUYA_ERROR_INPUT, "render: view %d; the model has %d", index, o->model->view_count);
+        }
+        const tsuya_view *view = &o->model->view[index];
+        const char *name = tsuya_path_name(view->name);
+        int stem = (int)(strlen(name) - strlen(tsuya_path_extension(name)));
+        tsuya_render_frame *frame = add_frame(s, tsuya_arena_printf(s->arena, "%.*s", stem, name),
+                                              tsuya_arena_printf(s->arena, "%s", view->name));
+        if (!frame) {
+            return TSUYA_ERROR_MEMORY;
+        }
+        frame->camera = o->model->camera[view->camera];
+        frame->camera_from_world = view->camera_from_world;
+    }
+    return TSUYA_OK;
+}
+
+static tsuya_status list_frames(tsuya_render_setup *s, const tsuya_render_options *o)
+{
+    int from_model = o->model ? (o->model_view_count < 0 ? o->model->view_count : o->model_view_count) : 0;
+    int given = o->camera_count + from_model, count = given > 0 ? given : o->views;
+    if (count < 1 || count > 100000) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "render: %d views; expected 1 to 100000", count);
+    }
+    s->frame = tsuya_arena_alloc(s->arena, (size_t)count, sizeof *s->frame);
+    if (!s->frame) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    if (given == 0) {
+        return add_turntable(s, o);
+    }
+    for (int k = 0; k < o->camera_count; ++k) {
+        tsuya_render_frame *frame = add_frame(s, tsuya_arena_printf(s->arena, "frame_%03d", k),
+                                              tsuya_arena_printf(s->arena, "%s", o->camera_path[k]));
+        if (!frame) {
+            return TSUYA_ERROR_MEMORY;
+        }
+        TSUYA_TRY(tsuya_cameramodel_load(&frame->camera, &frame->camera_from_world, o->camera_path[k]));
+    }
+    return add_model_views(s, o, from_model);
+}
+
+static tsuya_status set_up(tsuya_render_setup *s, const tsuya_render_options *o)
+{
+    TSUYA_TRY(tsuya_arena_create(&s->arena, 1 << 16));
+    TSUYA_TRY(tsuya_ply_load(&s->mesh, o->mesh_path));
+    if (s->mesh.vertex_count == 0) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: no vertices; expected a mesh", o->mesh_path);
+    }
+    if (s->mesh.triangle_count == 0) {
+        tsuya_warn("%s: no triangles; the pictures will show lamps and nothing else", o->mesh_path);
+    }
+    s->up = tsuya_vec3_norm(o->up) > 0.0 ? tsuya_vec3_unit(o->up) : (tsuya_vec3){0, 0, 1};
+    tsuya_vec3 low, high;
+    tsuya_mesh_bounds(&s->mesh, &low, &high);
+    s->center = tsuya_vec3_scale(tsuya_vec3_add(low, high), 0.5);
+    s->radius = fmax(0.5 * tsuya_vec3_norm(tsuya_vec3_sub(high, low)), 1e-6);
+    TSUYA_TRY(load_materials(s, o));
+    TSUYA_TRY(make_scene(s, o));
+    s->studio = !o->lights_path;
+    if (o->lights_path) {
+        TSUYA_TRY(tsuya_light_set_load(&s->lights, o->lights_path));
+    }
+    return list_frames(s, o);
+}
+
+tsuya_status tsuya_render_setup_create(tsuya_render_setup *setup, const tsuya_render_options *options)
+{
+    *setup = (tsuya_render_setup){0};
+    tsuya_status status = set_up(setup, options);
+    if (status != TSUYA_OK) {
+        tsuya_render_setup_free(setup);
+    }
+    return status;
+}
+
+void tsuya_render_setup_free(tsuya_render_setup *setup)
+{
+    tsuya_scene_free(setup->scene);
+    for (int k = 0; setup->material && k < setup->material_count; ++k) {
+        tsuya_material_free(setup->material[k]);
+    }
+    tsuya_free(setup->material);
+    tsuya_light_set_free(&setup->lights);
+    tsuya_mesh_free(&setup->mesh);
+    tsuya_arena_free(setup->arena);
+    *setup = (tsuya_render_setup){0};
+}
+
+tsuya_status tsuya_render_setup_lights(tsuya_light_set *lights, const tsuya_render_setup *setup, const tsuya_render_frame *frame)
+{
+    if (!setup->studio) {
+        *lights = setup->lights;
+        return TSUYA_OK;
+    }
+    return tsuya_light_set_studio(lights, setup->center, setup->radius, tsuya_pose_center(frame->camera_from_world), setup->up);
+}
+
+void tsuya_render_setup_lights_free(tsuya_light_set *lights, const tsuya_render_setup *setup)
+{
+    if (setup->studio) {
+        tsuya_light_set_free(lights);
+    }
+}

@@ -1,0 +1,43 @@
+/* What a render needs before its first ray: mesh, materials, scene, the list of pictures. For render/render.c. */
+#ifndef TSUYA_RENDER_SETUP_H
+#define TSUYA_RENDER_SETUP_H
+
+#include "core/memory.h"
+
+#include "render/light.h"
+#include "render/render.h"
+#include "render/scene.h"
+
+typedef struct tsuya_render_frame {
+    const char *name;   /* of the files, without extension */
+    const char *source; /* "turntable 3 of 12", the .cameramodel or the photograph */
+    tsuya_camera camera;
+    tsuya_pose camera_from_world;
+} tsuya_render_frame;
+
+typedef struct tsuya_render_setup {
+    tsuya_mesh mesh;
+    tsuya_material **material;
+    int material_count;
+    bool default_material;
+    tsuya_scene *scene;
+    tsuya_dye_source dye;
+    double dye_rgb[3];
+    tsuya_light_set lights; /* of the file; empty with the studio */
+    bool studio;
+    tsuya_vec3 up, center;
+    double radius;
+    tsuya_render_frame *frame;
+    int frame_count;
+    tsuya_arena *arena;
+} tsuya_render_setup;
+
+/* Leaves an empty setup on failure. */
+TSUYA_MUST_CHECK tsuya_status tsuya_render_setup_create(tsuya_render_setup *setup, const tsuya_render_options *options);
+void tsuya_render_setup_free(tsuya_render_setup *setup);
+/* The lamps of one picture: the file's (borrowed) or the studio around its camera; tsuya_render_setup_lights_free. */
+TSUYA_MUST_CHECK tsuya_status tsuya_render_setup_lights(tsuya_light_set *lights, const tsuya_render_setup *setup,
+                                                        const tsuya_render_frame *frame);
+void tsuya_render_setup_lights_free(tsuya_light_set *lights, const tsuya_render_setup *setup);
+
+#endif
