@@ -1,0 +1,351 @@
+/* The PatchMatch kernels over LANES pixels at a time.  Included by patchmatch_portable.c, patchmatch_avx2.c and
+ * patchmatch_avx512.c, which define LANES, KERNEL (the public function's name) and the operations that gcc's vector
+ * extensions lack: lane_sqrt, lane_max, lane_min, lane_madd16, lane_quads.
+ *
+ * Every operation is lane-wise IEEE arithmetic without contraction, so that all widths give the same bits. */
+#include "reconstruct/patchmatch_sweep.h"
+
+#include <string.h>
+
+enum {
+    NEIGHBOURS = 8,   /* candidates of the adaptive checkerboard */
+    REFINEMENTS = 5,
+    START_PLANES = 8,
+};
+
+typedef struct lane_plane { vf w, wx, wy; } lane_plane;
+
+/* What a window needs from the reference, and each source's share of the homography that no plane changes. */
+typedef struct lane_batch {
+    int x[LANES], y, count;
+    vf px, py, ray_x, ray_y;
+    vf weight[PATCH_SAMPLES];  /* bilateral, sum 1 */
+    vf centred[PATCH_SAMPLES]; /* weight · (reference − its mean) */
+    vf mean, variance;         /* in quad units; the variance with the noise floor */
+    vf base[TSUYA_STEREO_MAX_SOURCES][3]; /* forward·(x, y, 1) */
+} lane_batch;
+
+INLINE vf splat(float a) { return a - (vf){}; }
+INLINE vi splat_int(int32_t a) { return a - (vi){}; }
+INLINE vf select_f(vi mask, vf a, vf b) { return (vf)((mask & (vi)a) | (~mask & (vi)b)); }
+INLINE vf to_float(vi a) { return __builtin_convertvector(a, vf); }
+INLINE vi to_int(vf a) { return __builtin_convertvector(a, vi); }
+
+/* e^x for x ≤ 0: 2^round · polynomial on [−½, ½] (Cephes' expf coefficients), relative error 2e-7. */
+INLINE vf lane_exp(vf x)
+{
+    x = lane_max(x, splat(-86.0f));
+    vf t = x * 1.44269504f;
+    vi n = to_int(t - 0.5f);
+    vf f = x - to_float(n) * 0.693359375f;
+    f = f + to_float(n) * 2.12194440e-4f;
+    vf p = splat(1.9875691500e-4f);
+    p = p * f + 1.3981999507e-3f;
+    p = p * f + 8.3334519073e-3f;
+    p = p * f + 4.1665795894e-2f;
+    p = p * f + 1.6666665459e-1f;
+    p = p * f + 5.0000001201e-1f;
+    p = p * f * f + f + 1.0f;
+    return p * (vf)((n + 127) << 23);
+}
+
+/* Three uniform numbers in [0, 1) from a pixel, a turn and a draw: pcg3d of Jarzynski and Olano, JCGT 9(3), 2020. */
+INLINE void lane_random(vf out[3], const patch_level *level, const lane_batch *b, const patch_pass *pass, int draw)
+{
+    vu x, y = (vu)splat_int(b->y), z;
+    memcpy(&x, b->x, sizeof x);
+    z = (vu){} + (level->seed ^ (pass->turn * 0x9E3779B9u + (uint32_t)draw));
+    x = x * 1664525u + 1013904223u;
+    y = y * 1664525u + 1013904223u;
+    z = z * 1664525u + 1013904223u;
+    x += y * z, y += z * x, z += x * y;
+    x ^= x >> 16, y ^= y >> 16, z ^= z >> 16;
+    x += y * z, y += z * x, z += x * y;
+    out[0] = to_float((vi)(x >> 8)) * 0x1.0p-24f;
+    out[1] = to_float((vi)(y >> 8)) * 0x1.0p-24f;
+    out[2] = to_float((vi)(z >> 8)) * 0x1.0p-24f;
+}
+
+/* Bilateral weights and the reference's moments (Schönberger et al. 2016, eq. 4-6). */
+INLINE void batch_weights(lane_batch *b, const patch_level *level)
+{
+    vf value[PATCH_SAMPLES];
+    vf keep[PATCH_SAMPLES];
+    for (int k = 0; k < PATCH_SAMPLES; k++) {
+        int dx = PATCH_STEP * (k % PATCH_SIDE) - PATCH_RADIUS, dy = PATCH_STEP * (k / PATCH_SIDE) - PATCH_RADIUS;
+        ptrdiff_t row = (ptrdiff_t)(b->y + dy + TSUYA_STEREO_PAD) * level->stride + TSUYA_STEREO_PAD + dx;
+        for (int l = 0; l < LANES; l++) {
+            value[k][l] = level->grey[row + b->x[l]];
+            keep[k][l] = level->keep ? level->keep[row + b->x[l]] : 1.0f;
+        }
+    }
+    vf centre;
+    for (int l = 0; l < LANES; l++) {
+        centre[l] = level->grey[(ptrdiff_t)(b->y + TSUYA_STEREO_PAD) * level->stride + TSUYA_STEREO_PAD + b->x[l]];
+    }
+    vf sum = {}, first = {}, second = {};
+    for (int k = 0; k < PATCH_SAMPLES; k++) {
+        vf d = value[k] - centre;
+        vf weight = lane_exp(d * d * level->color_factor) * level->spatial[k] * keep[k];
+        value[k] = (value[k] - 0.5f) * QUAD_SCALE;
+        b->weight[k] = weight;
+        sum += weight;
+        first += weight * value[k];
+    }
+    vf inverse = 1.0f / lane_max(sum, splat(1e-6f));
+    b->mean = first * inverse;
+    for (int k = 0; k < PATCH_SAMPLES; k++) {
+        vf d = value[k] - b->mean;
+        b->weight[k] = b->weight[k] * inverse;
+        b->centred[k] = b->weight[k] * d;
+        second += b->centred[k] * d;
+    }
+    b->variance = second + NOISE_VARIANCE;
+}
+
+/* x[0 … count) are set; the other lanes repeat the last pixel. */
+INLINE void batch_begin(lane_batch *b, const patch_level *level)
+{
+    for (int l = b->count; l < LANES; l++) {
+        b->x[l] = b->x[b->count - 1];
+    }
+    vi x;
+    memcpy(&x, b->x, sizeof x);
+    b->px = to_float(x);
+    b->py = splat((float)b->y);
+    b->ray_x = (b->px - level->cx_px) / level->fx_px;
+    b->ray_y = (b->py - level->cy_px) / level->fy_px;
+    batch_weights(b, level);
+    for (int s = 0; s < level->source_count; s++) {
+        for (int r = 0; r < 3; r++) {
+            const float *f = level->source[s].forward[r];
+            b->base[s][r] = f[0] * b->px + f[1] * b->py + f[2];
+        }
+    }
+}
+
+/* A homography over the window: value at the centre and slopes, for each homogeneous coordinate. */
+typedef struct lane_warp { vf at[3], dx[3], dy[3]; } lane_warp;
+
+INLINE lane_warp warp_of(const patch_source *s, const vf base[3], lane_plane p)
+{
+    lane_warp h;
+    for (int r = 0; r < 3; r++) {
+        h.at[r] = base[r] + s->shift[r] * p.w;
+        h.dx[r] = s->forward[r][0] + s->shift[r] * p.wx;
+        h.dy[r] = s->forward[r][1] + s->shift[r] * p.wy;
+    }
+    return h;
+}
+
+/* Lanes whose window lies inside the padded source and whose centre lies inside the source itself.  The image of the
+ * window is the convex hull of its corners' images as long as these are in front of the camera. */
+INLINE vi warp_inside(const lane_warp *h, const patch_source *s)
+{
+    const float one = (float)(1 << PATCH_FRACTION_BITS), pad = (float)TSUYA_STEREO_PAD;
+    vf z = h->at[2];
+    vi inside = (z > 0.0f) & (h->at[0] >= (pad - 0.5f) * one * z) & (h->at[1] >= (pad - 0.5f) * one * z) &
+                (h->at[0] <= ((float)s->width_px + pad - 0.5f) * one * z) &
+                (h->at[1] <= ((float)s->height_px + pad - 0.5f) * one * z);
+    const float right = ((float)s->width_px + 2.0f * pad - 2.0f) * one;
+    const float bottom = ((float)s->height_px + 2.0f * pad - 2.0f) * one;
+    for (int corner = 0; corner < 4; corner++) {
+        const float cx = corner & 1 ? PATCH_RADIUS : -PATCH_RADIUS, cy = corner & 2 ? PATCH_RADIUS : -PATCH_RADIUS;
+        vf cz = z + cx * h->dx[2] + cy * h->dy[2];
+        vf u = h->at[0] + cx * h->dx[0] + cy * h->dy[0];
+        vf v = h->at[1] + cx * h->dx[1] + cy * h->dy[1];
+        inside &= (cz > 0.0f) & (u >= one * cz) & (v >= one * cz) & (u <= right * cz) & (v <= bottom * cz);
+    }
+    return inside;
+}
+
+INLINE bool none(vi mask)
+{
+    int32_t any = 0;
+    for (int l = 0; l < LANES; l++) {
+        any |= mask[l];
+    }
+    return any == 0;
+}
+
+/* Bilinear sample of the quads at fixed-point (u, v): horizontally by the 16-bit dot product, vertically in float. */
+INLINE vf sample_quads(const uint64_t *quad, int stride, vf u, vf v)
+{
+    const int32_t low = (1 << PATCH_FRACTION_BITS) - 1;
+    vi ui = to_int(u), vi_ = to_int(v);
+    vi top, bottom;
+    lane_quads(&top, &bottom, quad, (vi_ >> PATCH_FRACTION_BITS) * stride + (ui >> PATCH_FRACTION_BITS));
+    vi fx = ui & low;
+    vi across = (fx << 16) - fx + (low + 1); /* (2^14 − f) | f << 16 */
+    vf t = to_float(lane_madd16(top, across));
+    vf d = to_float(lane_madd16(bottom, across)) - t;
+    return (t + d * (to_float(vi_ & low) * (1.0f / (float)(low + 1)))) * (1.0f / (float)(low + 1));
+}
+
+/* 1 − bilaterally weighted NCC of the reference window and its image in source `s` under the plane. */
+INLINE vf ncc_cost(const lane_batch *b, const patch_source *s, const vf base[3], lane_plane p, vi *seen)
+{
+    lane_warp h = warp_of(s, base, p);
+    vi inside = warp_inside(&h, s);
+    *seen = inside;
+    if (none(inside)) {
+        return splat(PATCH_COST_UNSEEN);
+    }
+    const float safe = (float)((TSUYA_STEREO_PAD + 1) << PATCH_FRACTION_BITS);
+    for (int r = 0; r < 3; r++) {
+        h.at[r] = select_f(inside, h.at[r], splat(r < 2 ? safe : 1.0f));
+        h.dx[r] = select_f(inside, h.dx[r], (vf){});
+        h.dy[r] = select_f(inside, h.dy[r], (vf){});
+    }
+    vf first = {}, second = {}, mixed = {};
+    const float step = PATCH_STEP;
+    vf u_row = h.at[0] - PATCH_RADIUS * (h.dx[0] + h.dy[0]);
+    vf v_row = h.at[1] - PATCH_RADIUS * (h.dx[1] + h.dy[1]);
+    vf z_row = h.at[2] - PATCH_RADIUS * (h.dx[2] + h.dy[2]);
+    for (int j = 0; j < PATCH_SIDE; j++) {
+        vf u = u_row, v = v_row, z = z_row;
+        for (int i = 0; i < PATCH_SIDE; i++) {
+            int k = j * PATCH_SIDE + i;
+            vf inverse = 1.0f / z;
+            vf value = sample_quads(s->quad, s->stride, u * inverse, v * inverse) - b->mean;
+            vf weighted = b->weight[k] * value;
+            first += weighted;
+            second += weighted * value;
+            mixed += b->centred[k] * value;
+            u += step * h.dx[0], v += step * h.dx[1], z += step * h.dx[2];
+        }
+        u_row += step * h.dy[0], v_row += step * h.dy[1], z_row += step * h.dy[2];
+    }
+    vf variance = lane_max(second - first * first, (vf){}) + NOISE_VARIANCE;
+    return select_f(inside, 1.0f - mixed / lane_sqrt(variance * b->variance), splat(PATCH_COST_UNSEEN));
+}
+
+/* Forward-backward reprojection error in pixels, at most 3 (Xu and Tao 2019, eq. 9): the plane's point seen in the
+ * source, the source's own depth there, and back. */
+INLINE vf geometric_error(const lane_batch *b, const patch_source *s, const vf base[3], lane_plane p)
+{
+    const float most = 3.0f;
+    vf z = base[2] + s->shift[2] * p.w;
+    vf u = (base[0] + s->shift[0] * p.w) / z * (1.0f / (float)(1 << PATCH_FRACTION_BITS)) - (float)TSUYA_STEREO_PAD;
+    vf v = (base[1] + s->shift[1] * p.w) / z * (1.0f / (float)(1 << PATCH_FRACTION_BITS)) - (float)TSUYA_STEREO_PAD;
+    vi inside = (z > 0.0f) & (u >= 0.0f) & (v >= 0.0f) & (u <= (float)(s->width_px - 1)) &
+                (v <= (float)(s->height_px - 1));
+    vi column = to_int(select_f(inside, u, (vf){}) + 0.5f), row = to_int(select_f(inside, v, (vf){}) + 0.5f);
+    vi index = row * s->width_px + column;
+    vf depth;
+    for (int l = 0; l < LANES; l++) {
+        depth[l] = s->depth[index[l]];
+    }
+    inside &= depth > 0.0f;
+    /* The source's depth belongs to its pixel's centre; along its ray the plane's own point is what is compared. */
+    vf x = u * depth, y = v * depth;
+    vf bz = s->back[2][0] * x + s->back[2][1] * y + s->back[2][2] * depth + s->back_shift[2];
+    vf bx = s->back[0][0] * x + s->back[0][1] * y + s->back[0][2] * depth + s->back_shift[0];
+    vf by = s->back[1][0] * x + s->back[1][1] * y + s->back[1][2] * depth + s->back_shift[1];
+    vf ex = bx / bz - b->px, ey = by / bz - b->py;
+    vf error = lane_min(lane_sqrt(ex * ex + ey * ey), splat(most));
+    return select_f(inside & (bz > 0.0f), error, splat(most));
+}
+
+/* Planes in the depth range that face the camera by more than 5 degrees. */
+INLINE vi possible(const lane_batch *b, const patch_level *level, lane_plane p)
+{
+    vf nx = p.wx * level->fx_px, ny = p.wy * level->fy_px, nz = p.w - nx * b->ray_x - ny * b->ray_y;
+    vf cosine2 = p.w * p.w, norm2 = nx * nx + ny * ny + nz * nz;
+    vf ray2 = b->ray_x * b->ray_x + b->ray_y * b->ray_y + 1.0f;
+    return (p.w >= level->w_min) & (p.w <= level->w_max) & (cosine2 > 0.0076f * norm2 * ray2);
+}
+
+INLINE lane_plane plane_with_normal(const lane_batch *b, const patch_level *level, vf w, vf nx, vf ny, vf nz)
+{
+    vf k = w / (nx * b->ray_x + ny * b->ray_y + nz);
+    return (lane_plane){w, k * nx / level->fx_px, k * ny / level->fy_px};
+}
+
+/* ---- which sources to trust, and the cost under that trust ---- */
+
+typedef struct lane_trust { vf weight[TSUYA_STEREO_MAX_SOURCES], sum; } lane_trust;
+
+/* Joint view selection from the candidates' costs (Xu and Tao 2019, eq. 4-6). */
+INLINE void select_views(lane_trust *trust, const vf cost[][TSUYA_STEREO_MAX_SOURCES], int planes,
+                         const patch_level *level, const patch_pass *pass, vi best_view)
+{
+    const float limit = pass->good_limit, bad_limit = 1.2f;
+    const float factor = -1.0f / (2.0f * 0.3f * 0.3f);
+    vf sum = {};
+    vf fallback[TSUYA_STEREO_MAX_SOURCES], fallback_sum = {};
+    for (int s = 0; s < level->source_count; s++) {
+        vf confidence = {}, good = {}, bad = {}, least = splat(PATCH_COST_UNSEEN);
+        for (int k = 0; k < planes; k++) {
+            vf c = cost[k][s];
+            vi is_good = c < limit;
+            confidence += select_f(is_good, lane_exp(c * c * factor), (vf){});
+            good += select_f(is_good, splat(1.0f), (vf){});
+            bad += select_f(c > bad_limit, splat(1.0f), (vf){});
+            least = lane_min(least, c);
+        }
+        vi clear = (good > 2.0f) & (bad < 3.0f);
+        vf keep = select_f(best_view == s, splat(0.2f), (vf){});
+        trust->weight[s] = select_f(clear, confidence / lane_max(good, splat(1.0f)), keep);
+        sum += select_f(clear, trust->weight[s], (vf){});
+        fallback[s] = lane_exp(least * least * factor) + 1e-3f;
+        fallback_sum += fallback[s];
+    }
+    vi lost = sum <= 0.0f;
+    trust->sum = (vf){};
+    for (int s = 0; s < level->source_count; s++) {
+        vf w = level->view_selection ? select_f(lost, fallback[s] / fallback_sum, trust->weight[s]) : splat(1.0f);
+        trust->weight[s] = w;
+        trust->sum += w;
+    }
+}
+
+INLINE vf trusted_cost(const lane_trust *trust, const vf *cost, const vf *geometric, int sources)
+{
+    vf sum = {};
+    for (int s = 0; s < sources; s++) {
+        vf c = geometric ? cost[s] + 0.2f * geometric[s] : cost[s];
+        sum += trust->weight[s] * c;
+    }
+    return sum / trust->sum;
+}
+
+/* One plane against every source. */
+INLINE void plane_costs(vf *cost, vf *geometric, const lane_batch *b, const patch_level *level, lane_plane p)
+{
+    for (int s = 0; s < level->source_count; s++) {
+        vi seen;
+        cost[s] = ncc_cost(b, &level->source[s], b->base[s], p, &seen);
+        if (level->geometric) {
+            geometric[s] = geometric_error(b, &level->source[s], b->base[s], p);
+        }
+    }
+}
+
+INLINE vf plane_cost_trusted(const lane_trust *trust, const lane_batch *b, const patch_level *level, lane_plane p)
+{
+    vf sum = {};
+    for (int s = 0; s < level->source_count; s++) {
+        if (none(trust->weight[s] > 0.0f)) {
+            continue;
+        }
+        vi seen;
+        vf c = ncc_cost(b, &level->source[s], b->base[s], p, &seen);
+        if (level->geometric) {
+            c += 0.2f * geometric_error(b, &level->source[s], b->base[s], p);
+        }
+        sum += trust->weight[s] * c;
+    }
+    return select_f(possible(b, level, p), sum / trust->sum, splat(PATCH_COST_IMPOSSIBLE));
+}
+
+INLINE void take_better(lane_plane *best, vf *best_cost, lane_plane p, vf cost)
+{
+    vi better = cost < *best_cost;
+    *best_cost = select_f(better, cost, *best_cost);
+    best->w = select_f(better, p.w, best->w);
+    best->wx = select_f(better, p.wx, best->wx);
+    best->wy = select_f(better, p.wy, best->wy);
+}
+
+#include "reconstruct/patchmatch_moves.h"
