@@ -10,7 +10,11 @@
 
 /* Only what carries TSUYA_API is visible outside libtsuya.so (everything else is built with -fvisibility=hidden). */
 #define TSUYA_API TSUYA_EXTERN_C __attribute__((visibility("default")))
+#ifdef __cplusplus
+#define TSUYA_MUST_CHECK /* an attribute may not stand before C++'s linkage; C callers are checked */
+#else
 #define TSUYA_MUST_CHECK __attribute__((warn_unused_result))
+#endif
 #define TSUYA_PRINTF(format_index, first_argument) __attribute__((format(printf, format_index, first_argument)))
 
 /* A function that crosses between C and a C++ adapter inside the library: C linkage, not exported. */
