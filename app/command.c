@@ -2,10 +2,8 @@
 
 #include "app/terminal.h"
 #include "core/file.h"
-#include "core/image.h"
 #include "core/table.h"
 
-#include <math.h>
 #include <omp.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -59,40 +57,6 @@ void tsuya_argument_append(struct argp_state *state, const char **list, int capa
         }
     }
     argp_error(state, "'%s': more than %d of a kind", value, capacity);
-}
-
-static bool parse_hex_color(float linear_rgb[3], const char *text)
-{
-    if (strlen(text) != 7 || strspn(text + 1, "0123456789abcdefABCDEF") != 6) {
-        return false;
-    }
-    for (int c = 0; c < 3; c++) {
-        char pair[3] = {text[1 + 2 * c], text[2 + 2 * c], '\0'};
-        linear_rgb[c] = tsuya_srgb_decode((float)strtol(pair, NULL, 16) / 255.0f);
-    }
-    return true;
-}
-
-bool tsuya_parse_color(float linear_rgb[3], const char *text)
-{
-    if (text[0] == '#') {
-        return parse_hex_color(linear_rgb, text);
-    }
-    char copy[128];
-    if (strlen(text) >= sizeof copy) {
-        return false;
-    }
-    strcpy(copy, text);
-    char *rest = copy;
-    for (int c = 0; c < 3; c++) {
-        char *part = strsep(&rest, ",");
-        double value;
-        if (!part || !tsuya_parse_number(&value, part) || value < 0.0 || value > 1.0) {
-            return false;
-        }
-        linear_rgb[c] = (float)value;
-    }
-    return rest == NULL;
 }
 
 bool tsuya_parse_size(int *width_px, int *height_px, const char *text)

@@ -38,8 +38,6 @@ void tsuya_command_parse(const tsuya_syntax *syntax, tsuya_common *common, void 
 /* Values of options; leave with TSUYA_EXIT_USAGE and name option, value and range. */
 int tsuya_argument_int(struct argp_state *state, const char *option, const char *text, int low, int high);
 double tsuya_argument_number(struct argp_state *state, const char *option, const char *text, double low, double high);
-/* "#rrggbb" as linear RGB, or "r,g,b" in linear light. */
-bool tsuya_parse_color(float linear_rgb[3], const char *text);
 /* "WxH" or "W,H" */
 bool tsuya_parse_size(int *width_px, int *height_px, const char *text);
 /* Appends to a NULL-terminated list in static storage of `capacity` entries; usage error when it is full. */

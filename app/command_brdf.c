@@ -3,6 +3,7 @@
 #include "brdf/material.h"
 #include "core/file.h"
 #include "core/table.h"
+#include "render/render.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -12,7 +13,7 @@ enum { KEY_COLOR = 1 };
 typedef struct eval_input {
     const char *material;
     const char *color;
-    float linear_rgb[3];
+    double linear_rgb[3];
 } eval_input;
 
 static const char *const angle_names[] = {"theta_i_deg", "phi_i_deg", "theta_o_deg", "phi_o_deg", NULL};
@@ -28,8 +29,8 @@ static error_t parse_eval(int key, char *arg, struct argp_state *state)
     switch (key) {
     case KEY_COLOR:
         input->color = arg;
-        if (!tsuya_parse_color(input->linear_rgb, arg)) {
-            argp_error(state, "--color: '%s' is not \"#rrggbb\" nor \"r,g,b\" with numbers from 0 to 1", arg);
+        if (tsuya_render_parse_color(input->linear_rgb, arg) != TSUYA_OK) {
+            argp_error(state, "--color: %s", tsuya_reason());
         }
         return 0;
     case ARGP_KEY_ARG:
@@ -146,8 +147,7 @@ static tsuya_status evaluate(const eval_input *input, const tsuya_common *common
     tsuya_status status;
     TSUYA_GOTO_DONE(status, tsuya_material_load(&material, input->material));
     if (input->color) {
-        double rgb[3] = {input->linear_rgb[0], input->linear_rgb[1], input->linear_rgb[2]};
-        TSUYA_GOTO_DONE(status, tsuya_material_set_dye(material, rgb));
+        TSUYA_GOTO_DONE(status, tsuya_material_set_dye(material, input->linear_rgb));
     }
     TSUYA_GOTO_DONE(status, read_input(&text));
     TSUYA_GOTO_DONE(status, tsuya_table_parse(&table, text, "stdin", &options));

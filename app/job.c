@@ -1,8 +1,8 @@
 #include "app/job.h"
 
-#include "app/command.h"
 #include "core/file.h"
 #include "core/table.h"
+#include "render/render.h"
 
 #include <limits.h>
 #include <stdlib.h>
@@ -244,8 +244,8 @@ static tsuya_status check_render(const tsuya_job *job, tsuya_job_render *r)
         return invalid(job, "render: views of", r->name, "must be from 1 to 3600");
     }
     TSUYA_TRY(check_render_size(job, r));
-    r->has_color = r->color != NULL;
-    if (r->has_color && !tsuya_parse_color(r->color_linear_rgb, r->color)) {
+    double rgb[3];
+    if (r->color && tsuya_render_parse_color(rgb, r->color) != TSUYA_OK) {
         return invalid(job, "render: color", r->color, "is not \"#rrggbb\" nor \"r,g,b\" in linear light");
     }
     return TSUYA_OK;

@@ -24,8 +24,6 @@ typedef struct tsuya_job_render {
     int views; /* 0: through the cameras of `like` */
     tsuya_yaml_list size;
     int width_px, height_px;
-    bool has_color;
-    float color_linear_rgb[3];
 } tsuya_job_render;
 
 typedef struct tsuya_job {

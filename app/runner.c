@@ -147,23 +147,42 @@ static void report_stage(runner *r, const tsuya_stage *stage, const tsuya_json *
     }
 }
 
-/* The stage's folder begins empty, so that nothing of an earlier or a killed run is taken for its result. */
-static tsuya_status clear_stage(runner *r, const tsuya_stage *stage)
+/* STAGE/.key holds the key of the attempt that filled the folder.  What an attempt with another key left is removed, so that
+ * nothing of it is taken for a result; what a killed attempt with the same key left is kept, and the stage goes on from it. */
+static tsuya_status prepare_folder(const runner *r, const char *folder, const tsuya_hash *key)
+{
+    char *path = tsuya_path_join(folder, ".key"), *kept = NULL;
+    size_t size;
+    tsuya_status status = path ? TSUYA_OK : TSUYA_ERROR_MEMORY;
+    bool same = path && !r->options->force && tsuya_path_exists(path) && tsuya_file_load(&kept, &size, path, 4096) == TSUYA_OK &&
+                strcmp(kept, key->hex) == 0;
+    if (status == TSUYA_OK && !same) {
+        status = tsuya_folder_remove(folder);
+    }
+    if (status == TSUYA_OK) {
+        status = tsuya_folder_make(folder);
+    }
+    if (status == TSUYA_OK && !same) {
+        status = tsuya_file_write(path, key->hex, strlen(key->hex));
+    }
+    tsuya_free(kept);
+    tsuya_free(path);
+    return status;
+}
+
+static tsuya_status clear_stage(runner *r, const tsuya_stage *stage, const tsuya_hash *key)
 {
     tsuya_json_remove(r->state.stages, stage->name);
     TSUYA_TRY(tsuya_state_save(&r->state));
     char *folder = tsuya_path_join(r->job->folder, stage->name);
-    tsuya_status status = folder ? tsuya_folder_remove(folder) : TSUYA_ERROR_MEMORY;
-    if (status == TSUYA_OK) {
-        status = tsuya_folder_make(folder);
-    }
+    tsuya_status status = folder ? prepare_folder(r, folder, key) : TSUYA_ERROR_MEMORY;
     tsuya_free(folder);
     return status;
 }
 
 static tsuya_status run_and_record(runner *r, const tsuya_stage *stage, const tsuya_stage_plan *plan, const tsuya_hash *key)
 {
-    TSUYA_TRY(clear_stage(r, stage));
+    TSUYA_TRY(clear_stage(r, stage, key));
     tsuya_json *record = tsuya_json_create_object();
     if (!record) {
         return TSUYA_ERROR_MEMORY;
