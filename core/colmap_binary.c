@@ -47,6 +47,7 @@ static tsuya_status damaged(const tsuya_colmap_reader *r, const char *what, uint
 static tsuya_status take_count(tsuya_colmap_reader *r, size_t *count, size_t smallest, const char *what)
 {
     uint64_t value = take_u64(r);
+    *count = 0;
     if (r->failed || value > tsuya_colmap_left(r) / smallest) {
         return tsuya_fail(TSUYA_ERROR_INPUT, "%s: says %" PRIu64 " %s, more than the file can hold", r->path, value, what);
     }
