@@ -7,7 +7,7 @@ find_package(OpenEXR CONFIG REQUIRED)
 find_package(embree 3 CONFIG REQUIRED)
 
 pkg_check_modules(CJSON REQUIRED IMPORTED_TARGET libcjson)
-pkg_check_modules(CYAML REQUIRED IMPORTED_TARGET libcyaml)
+pkg_check_modules(YAML REQUIRED IMPORTED_TARGET yaml-0.1)
 pkg_check_modules(EXIF REQUIRED IMPORTED_TARGET libexif)
 pkg_check_modules(RAW REQUIRED IMPORTED_TARGET libraw)
 pkg_check_modules(XXHASH REQUIRED IMPORTED_TARGET libxxhash)

@@ -1,4 +1,4 @@
-/* YAML files read by a schema (libcyaml behind one adapter).
+/* YAML files read by a schema (libyaml behind one adapter).
  *
  * The schema is a table of keys; the reader refuses unknown keys (naming the nearest known one), wrong types and missing
  * keys with file, line and key.  Strings and arrays live in the caller's arena.  Anchors and aliases are refused; files
