@@ -20,6 +20,7 @@ tsuya_patchmatch_options tsuya_patchmatch_options_default(void)
         .sigma_color = 0.12f,
         .max_cost = 0.6f,
         .min_contrast = 0.004f,
+        .min_roughness = 0.15f,
         .max_reprojection_px = 2.0f,
         .max_depth_error = 0.01f,
         .min_consistent = 2,
@@ -55,7 +56,7 @@ typedef struct scale {
 
 static void scale_free(scale *s)
 {
-    void *memory[] = {s->field.w, s->field.wx, s->field.wy, s->field.cost, s->field.contrast, s->field.view,
+    void *memory[] = {s->field.w, s->field.wx, s->field.wy, s->field.cost, s->field.view,
                       s->active, s->keep};
     for (size_t i = 0; i < sizeof memory / sizeof *memory; i++) {
         tsuya_free(memory[i]);
@@ -182,7 +183,6 @@ static tsuya_status scale_create(scale *s, const tsuya_patchmatch_problem *probl
     TSUYA_NEW(status, s->field.wx, pixels);
     TSUYA_NEW(status, s->field.wy, pixels);
     TSUYA_NEW(status, s->field.cost, pixels);
-    TSUYA_NEW(status, s->field.contrast, pixels);
     TSUYA_NEW(status, s->field.view, pixels);
     TSUYA_NEW(status, s->active, pixels);
     if (problem->mask) {
@@ -296,7 +296,7 @@ static tsuya_status solve_geometric(scale *s, const tsuya_patchmatch_problem *pr
     TSUYA_TRY(scale_create(s, problem, options, 0, context->seed));
     start_from_map(s, problem->start);
     sweep_plan plan = {options->geometric_iterations, 1.0f, 0.25f, 0, true};
-    return run_sweeps(s, &plan, PATCH_START, &turn, tsuya_patch_row_kernel(options->simd), context);
+    return run_sweeps(s, &plan, PATCH_SCORE, &turn, tsuya_patch_row_kernel(options->simd), context);
 }
 
 /* Scales that the reference and every source have. */

@@ -71,7 +71,9 @@ typedef struct tsuya_patchmatch_options {
     int coarse_iterations, fine_iterations, geometric_iterations;
     float sigma_color;     /* of the bilateral weight, grey in [0, 1] */
     float max_cost;        /* pixels above are dropped by the filter */
-    float min_contrast;    /* standard deviation of grey under which a window counts as empty */
+    /* Windows count as empty whose grey, less its best quadratic, has a standard deviation below the first, or a variance
+     * below this share of what its best plane leaves: shading and highlights are smooth, texture is not. */
+    float min_contrast, min_roughness;
     float max_reprojection_px, max_depth_error; /* of the geometric filter: forward-backward, relative */
     int min_consistent;    /* source views that must agree, of those that see the place */
     int min_component_px;  /* smaller islands are dropped */

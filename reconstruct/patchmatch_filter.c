@@ -4,6 +4,41 @@
 
 #include <string.h>
 
+/* ---- texture ---- */
+
+/* Orthonormal polynomials of degree 0, 1, 2 on the six abscissae −5, −3 … 5. */
+static const float polynomial[3][PATCH_SIDE] = {
+    {0.40824829f, 0.40824829f, 0.40824829f, 0.40824829f, 0.40824829f, 0.40824829f},
+    {-0.59761430f, -0.35856858f, -0.11952286f, 0.11952286f, 0.35856858f, 0.59761430f},
+    {0.54554473f, -0.10910895f, -0.43643578f, -0.43643578f, -0.10910895f, 0.54554473f},
+};
+
+/* Share of the window's energy in the product of two polynomials. */
+static float energy(const float value[PATCH_SAMPLES], int column, int row)
+{
+    float sum = 0.0f;
+    for (int k = 0; k < PATCH_SAMPLES; k++) {
+        sum += value[k] * polynomial[column][k % PATCH_SIDE] * polynomial[row][k / PATCH_SIDE];
+    }
+    return sum * sum;
+}
+
+/* A highlight on bare satin moves with the view like a surface at the depth of the lamp's reflection; what tells it from
+ * cloth is that nothing in it is fine. */
+static bool textured(const patch_level *level, int x, int y, const tsuya_patchmatch_options *options)
+{
+    float value[PATCH_SAMPLES], total = 0.0f;
+    for (int k = 0; k < PATCH_SAMPLES; k++) {
+        int dx = PATCH_STEP * (k % PATCH_SIDE) - PATCH_RADIUS, dy = PATCH_STEP * (k / PATCH_SIDE) - PATCH_RADIUS;
+        value[k] = level->grey[(ptrdiff_t)(y + dy + TSUYA_STEREO_PAD) * level->stride + x + dx + TSUYA_STEREO_PAD] - 0.5f;
+        total += value[k] * value[k];
+    }
+    float planar = total - energy(value, 0, 0) - energy(value, 1, 0) - energy(value, 0, 1);
+    float rough = planar - energy(value, 2, 0) - energy(value, 1, 1) - energy(value, 0, 2);
+    return rough >= options->min_contrast * options->min_contrast * PATCH_SAMPLES &&
+           rough >= options->min_roughness * planar;
+}
+
 /* ---- agreement with the sources ---- */
 
 /* The source's depth at its pixel nearest to the plane's point, carried back: within `max_reprojection_px` of the
@@ -35,18 +70,17 @@ static bool agrees(const patch_source *s, float x, float y, float w, const tsuya
 static bool trusted(const plane_field *field, const patch_level *level, size_t at,
                     const tsuya_patchmatch_options *options)
 {
-    const float least = QUAD_SCALE * options->min_contrast;
+    const int x = (int)(at % (size_t)field->width_px), y = (int)(at / (size_t)field->width_px);
     if (!field->active[at] || !(field->w[at] > 0.0f) || !(field->cost[at] <= options->max_cost) ||
-        field->contrast[at] < least * least + NOISE_VARIANCE) {
+        !textured(level, x, y, options)) {
         return false;
     }
     if (!level->geometric) {
         return true;
     }
-    float x = (float)(at % (size_t)field->width_px), y = (float)(at / (size_t)field->width_px);
     int count = 0;
     for (int s = 0; s < level->source_count; s++) {
-        count += agrees(&level->source[s], x, y, field->w[at], options);
+        count += agrees(&level->source[s], (float)x, (float)y, field->w[at], options);
     }
     return count >= options->min_consistent;
 }

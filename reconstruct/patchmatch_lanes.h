@@ -20,8 +20,9 @@ typedef struct lane_batch {
     int x[LANES], y, count;
     vf px, py, ray_x, ray_y;
     vf weight[PATCH_SAMPLES];  /* bilateral, sum 1 */
-    vf centred[PATCH_SAMPLES]; /* weight · (reference − its mean) */
-    vf mean, variance;         /* in quad units; the variance with the noise floor */
+    vf ramp[2][PATCH_SAMPLES]; /* weight · orthonormal ramps */
+    vf detail[PATCH_SAMPLES];  /* weight · (reference − its mean − its ramp) */
+    vf mean, contrast;         /* of the reference; variance of the detail, in quad units */
     vf base[TSUYA_STEREO_MAX_SOURCES][3]; /* forward·(x, y, 1) */
 } lane_batch;
 
@@ -66,41 +67,66 @@ INLINE void lane_random(vf out[3], const patch_level *level, const lane_batch *b
     out[2] = to_float((vi)(z >> 8)) * 0x1.0p-24f;
 }
 
-/* Bilateral weights and the reference's moments (Schönberger et al. 2016, eq. 4-6). */
+/* Two functions that are weighted-orthonormal and span the linear ramps over the window (times the weight). */
+INLINE void batch_ramps(lane_batch *b)
+{
+    vf sx = {}, sy = {}, sxx = {}, sxy = {}, syy = {};
+    for (int k = 0; k < PATCH_SAMPLES; k++) {
+        const float dx = (float)(PATCH_STEP * (k % PATCH_SIDE) - PATCH_RADIUS);
+        const float dy = (float)(PATCH_STEP * (k / PATCH_SIDE) - PATCH_RADIUS);
+        vf w = b->weight[k];
+        sx += w * dx, sy += w * dy;
+        sxx += w * (dx * dx), sxy += w * (dx * dy), syy += w * (dy * dy);
+    }
+    sxx = lane_max(sxx - sx * sx, splat(1e-3f)), sxy -= sx * sy, syy -= sy * sy;
+    vf lean = sxy / sxx;
+    vf across = 1.0f / lane_sqrt(sxx), down = 1.0f / lane_sqrt(lane_max(syy - lean * sxy, splat(1e-3f)));
+    for (int k = 0; k < PATCH_SAMPLES; k++) {
+        vf dx = (float)(PATCH_STEP * (k % PATCH_SIDE) - PATCH_RADIUS) - sx;
+        vf dy = (float)(PATCH_STEP * (k / PATCH_SIDE) - PATCH_RADIUS) - sy;
+        b->ramp[0][k] = b->weight[k] * dx * across;
+        b->ramp[1][k] = b->weight[k] * (dy - lean * dx) * down;
+    }
+}
+
+/* Bilateral weights (Schönberger et al. 2016, eq. 4-6) and the reference's moments. */
 INLINE void batch_weights(lane_batch *b, const patch_level *level)
 {
-    vf value[PATCH_SAMPLES];
-    vf keep[PATCH_SAMPLES];
-    for (int k = 0; k < PATCH_SAMPLES; k++) {
-        int dx = PATCH_STEP * (k % PATCH_SIDE) - PATCH_RADIUS, dy = PATCH_STEP * (k / PATCH_SIDE) - PATCH_RADIUS;
-        ptrdiff_t row = (ptrdiff_t)(b->y + dy + TSUYA_STEREO_PAD) * level->stride + TSUYA_STEREO_PAD + dx;
-        for (int l = 0; l < LANES; l++) {
-            value[k][l] = level->grey[row + b->x[l]];
-            keep[k][l] = level->keep ? level->keep[row + b->x[l]] : 1.0f;
-        }
-    }
-    vf centre;
+    vf value[PATCH_SAMPLES], centre, sum = {}, first = {}, slope[2] = {{}, {}};
     for (int l = 0; l < LANES; l++) {
         centre[l] = level->grey[(ptrdiff_t)(b->y + TSUYA_STEREO_PAD) * level->stride + TSUYA_STEREO_PAD + b->x[l]];
     }
-    vf sum = {}, first = {}, second = {};
     for (int k = 0; k < PATCH_SAMPLES; k++) {
+        int dx = PATCH_STEP * (k % PATCH_SIDE) - PATCH_RADIUS, dy = PATCH_STEP * (k / PATCH_SIDE) - PATCH_RADIUS;
+        ptrdiff_t row = (ptrdiff_t)(b->y + dy + TSUYA_STEREO_PAD) * level->stride + TSUYA_STEREO_PAD + dx;
+        vf keep;
+        for (int l = 0; l < LANES; l++) {
+            value[k][l] = level->grey[row + b->x[l]];
+            keep[l] = level->keep ? level->keep[row + b->x[l]] : 1.0f;
+        }
         vf d = value[k] - centre;
-        vf weight = lane_exp(d * d * level->color_factor) * level->spatial[k] * keep[k];
+        b->weight[k] = lane_exp(d * d * level->color_factor) * level->spatial[k] * keep;
         value[k] = (value[k] - 0.5f) * QUAD_SCALE;
-        b->weight[k] = weight;
-        sum += weight;
-        first += weight * value[k];
+        sum += b->weight[k];
+        first += b->weight[k] * value[k];
     }
     vf inverse = 1.0f / lane_max(sum, splat(1e-6f));
     b->mean = first * inverse;
     for (int k = 0; k < PATCH_SAMPLES; k++) {
-        vf d = value[k] - b->mean;
         b->weight[k] = b->weight[k] * inverse;
-        b->centred[k] = b->weight[k] * d;
-        second += b->centred[k] * d;
     }
-    b->variance = second + NOISE_VARIANCE;
+    batch_ramps(b);
+    for (int k = 0; k < PATCH_SAMPLES; k++) {
+        value[k] = value[k] - b->mean;
+        slope[0] += b->ramp[0][k] * value[k];
+        slope[1] += b->ramp[1][k] * value[k];
+    }
+    b->contrast = (vf){};
+    for (int k = 0; k < PATCH_SAMPLES; k++) {
+        b->detail[k] = b->weight[k] * value[k] - slope[0] * b->ramp[0][k] - slope[1] * b->ramp[1][k];
+        b->contrast += b->detail[k] * value[k];
+    }
+    b->contrast = lane_max(b->contrast, (vf){});
 }
 
 /* x[0 … count) are set; the other lanes repeat the last pixel. */
@@ -182,7 +208,9 @@ INLINE vf sample_quads(const uint64_t *quad, int stride, vf u, vf v)
     return (t + d * (to_float(vi_ & low) * (1.0f / (float)(low + 1)))) * (1.0f / (float)(low + 1));
 }
 
-/* 1 − bilaterally weighted NCC of the reference window and its image in source `s` under the plane. */
+/* 1 − bilaterally weighted NCC of the reference window and its image in source `s` under the plane, of what linear ramps
+ * leave of both.  NCC cannot tell where along a ramp it is, and the flanks of a highlight on bare satin are ramps that
+ * move with the view: without them a window must show texture to correlate. */
 INLINE vf ncc_cost(const lane_batch *b, const patch_source *s, const vf base[3], lane_plane p, vi *seen)
 {
     lane_warp h = warp_of(s, base, p);
@@ -197,7 +225,7 @@ INLINE vf ncc_cost(const lane_batch *b, const patch_source *s, const vf base[3],
         h.dx[r] = select_f(inside, h.dx[r], (vf){});
         h.dy[r] = select_f(inside, h.dy[r], (vf){});
     }
-    vf first = {}, second = {}, mixed = {};
+    vf first = {}, second = {}, mixed = {}, slope_x = {}, slope_y = {};
     const float step = PATCH_STEP;
     vf u_row = h.at[0] - PATCH_RADIUS * (h.dx[0] + h.dy[0]);
     vf v_row = h.at[1] - PATCH_RADIUS * (h.dx[1] + h.dy[1]);
@@ -211,13 +239,16 @@ INLINE vf ncc_cost(const lane_batch *b, const patch_source *s, const vf base[3],
             vf weighted = b->weight[k] * value;
             first += weighted;
             second += weighted * value;
-            mixed += b->centred[k] * value;
+            mixed += b->detail[k] * value;
+            slope_x += b->ramp[0][k] * value;
+            slope_y += b->ramp[1][k] * value;
             u += step * h.dx[0], v += step * h.dx[1], z += step * h.dx[2];
         }
         u_row += step * h.dy[0], v_row += step * h.dy[1], z_row += step * h.dy[2];
     }
-    vf variance = lane_max(second - first * first, (vf){}) + NOISE_VARIANCE;
-    return select_f(inside, 1.0f - mixed / lane_sqrt(variance * b->variance), splat(PATCH_COST_UNSEEN));
+    vf variance = lane_max(second - first * first - slope_x * slope_x - slope_y * slope_y, (vf){}) + NOISE_VARIANCE;
+    vf correlation = mixed / lane_sqrt(variance * (b->contrast + NOISE_VARIANCE));
+    return select_f(inside, 1.0f - correlation, splat(PATCH_COST_UNSEEN));
 }
 
 /* Forward-backward reprojection error in pixels, at most 3 (Xu and Tao 2019, eq. 9): the plane's point seen in the

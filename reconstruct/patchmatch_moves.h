@@ -150,7 +150,6 @@ INLINE void store_plane(plane_field *field, const lane_batch *b, lane_plane p, v
         field->wy[at] = p.wy[l];
         field->cost[at] = cost[l];
         field->view[at] = (uint8_t)view[l];
-        field->contrast[at] = b->variance[l];
     }
 }
 

@@ -49,7 +49,6 @@ typedef struct patch_level {
 typedef struct plane_field {
     int width_px, height_px;
     float *w, *wx, *wy, *cost;
-    float *contrast;       /* variance of grey in the window, weighted, with the noise floor, in quad units */
     uint8_t *view;           /* the source that mattered most */
     const uint8_t *active; /* 0: not computed */
 } plane_field;

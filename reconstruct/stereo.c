@@ -62,7 +62,7 @@ static void add_patchmatch_options(tsuya_hasher *h, const run *r, bool filter)
     const tsuya_patchmatch_options *o = &r->patchmatch;
     const double numbers[] = {
         o->coarse_to_fine, o->view_selection, o->coarse_iterations, o->fine_iterations, o->geometric_iterations,
-        o->sigma_color, o->max_cost, o->min_contrast, o->max_reprojection_px, o->max_depth_error, o->min_consistent,
+        o->sigma_color, o->max_cost, o->min_contrast, o->min_roughness, o->max_reprojection_px, o->max_depth_error, o->min_consistent,
         o->min_component_px, filter, LEVELS, (double)(r->context->seed >> 32), (double)(r->context->seed & 0xFFFFFFFFu),
     };
     tsuya_hasher_add_text(h, stereo_version);

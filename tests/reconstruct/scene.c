@@ -7,10 +7,12 @@
 #include <string.h>
 
 static const double distance_m = 1.0, focal_over_width = 1.25;
+static const double cylinder_radius_m = 0.3, grazing_rad = 75 * M_PI / 180;
+static const double slab_half_m = 0.0075; /* six pixels of a picture 320 wide, over two */
 
 const char *scene_name(scene_kind kind)
 {
-    static const char *const name[SCENE_KIND_COUNT] = {"sheet", "cylinder", "grazing", "slab", "satin"};
+    static const char *const name[SCENE_KIND_COUNT] = {"sheet", "cylinder", "grazing", "slab", "bare", "satin"};
     return name[kind];
 }
 
@@ -76,7 +78,7 @@ static bool hit_sheet(scene_hit *hit, tsuya_vec3 o, tsuya_vec3 d)
 
 static bool hit_cylinder(scene_hit *hit, tsuya_vec3 o, tsuya_vec3 d)
 {
-    const double radius = 0.3, half = 0.26;
+    const double radius = cylinder_radius_m, half = 0.26;
     double a = d.x * d.x + d.z * d.z, b = o.x * d.x + o.z * d.z, c = o.x * o.x + o.z * o.z - radius * radius;
     double root = b * b - a * c;
     if (root <= 0) {
@@ -90,19 +92,16 @@ static bool hit_cylinder(scene_hit *hit, tsuya_vec3 o, tsuya_vec3 d)
 
 static bool hit_grazing(scene_hit *hit, tsuya_vec3 o, tsuya_vec3 d)
 {
-    const double angle = 75 * M_PI / 180;
-    tsuya_vec3 n = {0, -sin(angle), cos(angle)};
+    tsuya_vec3 n = {0, -sin(grazing_rad), cos(grazing_rad)};
     double facing = tsuya_vec3_dot(n, d), t = -tsuya_vec3_dot(n, o) / facing;
     hit->point = tsuya_vec3_mad(o, t, d);
     hit->normal = facing < 0 ? n : tsuya_vec3_scale(n, -1);
     return t > 0 && fabs(hit->point.x) < 0.35 && tsuya_vec3_norm(hit->point) < 0.6;
 }
 
-enum { SLAB_GSD = 6 };
-
 static bool hit_slab(scene_hit *hit, tsuya_vec3 o, tsuya_vec3 d)
 {
-    const tsuya_vec3 half = {0.3, 0.22, 0.5 * SLAB_GSD * 0.0025};
+    const tsuya_vec3 half = {0.3, 0.22, slab_half_m};
     double near = -HUGE_VAL, far = HUGE_VAL;
     const double from[3] = {o.x, o.y, o.z}, along[3] = {d.x, d.y, d.z}, side[3] = {half.x, half.y, half.z};
     double n[3] = {0, 0, 0};
@@ -124,13 +123,13 @@ static bool hit_slab(scene_hit *hit, tsuya_vec3 o, tsuya_vec3 d)
 bool scene_trace(scene_hit *hit, scene_kind kind, tsuya_vec3 origin, tsuya_vec3 direction)
 {
     static bool (*const surface[SCENE_KIND_COUNT])(scene_hit *, tsuya_vec3, tsuya_vec3) = {
-        hit_sheet, hit_cylinder, hit_grazing, hit_slab, hit_sheet,
+        hit_sheet, hit_cylinder, hit_grazing, hit_slab, hit_sheet, hit_sheet,
     };
     if (!surface[kind](hit, origin, direction)) {
         return false;
     }
     int seed = kind == SCENE_SLAB && hit->normal.z < 0 ? 77 : 5;
-    hit->textured = !(kind == SCENE_SATIN && fabs(hit->point.x) < 0.133);
+    hit->textured = !(kind >= SCENE_BARE && fabs(hit->point.x) < 0.133);
     hit->grey = hit->textured ? texture(hit->point, seed) : 0.45;
     if (kind == SCENE_SATIN) {
         const tsuya_vec3 lamp = {0.3, 0.5, 1.2};
@@ -139,6 +138,20 @@ bool scene_trace(scene_hit *hit, scene_kind kind, tsuya_vec3 origin, tsuya_vec3 
         hit->grey += 0.25 * pow(fmax(0, tsuya_vec3_dot(halfway, hit->normal)), 40);
     }
     return true;
+}
+
+double scene_distance_m(scene_kind kind, tsuya_vec3 p)
+{
+    double dx, dy;
+    switch (kind) {
+    case SCENE_CYLINDER: return fabs(hypot(p.x, p.z) - cylinder_radius_m);
+    case SCENE_GRAZING: return fabs(-sin(grazing_rad) * p.y + cos(grazing_rad) * p.z);
+    case SCENE_SLAB: return fabs(fabs(p.z) - slab_half_m);
+    default: { /* first order: the height error over the slope */
+        double off = p.z - sheet_height(p.x, p.y, &dx, &dy);
+        return fabs(off) / sqrt(1 + dx * dx + dy * dy);
+    }
+    }
 }
 
 /* ---- pictures ---- */
@@ -171,10 +184,18 @@ static void draw_pixel(scene_view *v, scene_kind kind, double noise, int index, 
     v->grey[at] = (float)fmin(fmax(value, 0), 1);
 }
 
+static int side_count(scene_kind kind, int count) { return kind == SCENE_SLAB ? (count + 1) / 2 : count; }
+
+bool scene_same_side(const scene_pictures *s, int a, int b)
+{
+    int half = side_count(s->kind, s->view_count);
+    return (a < half) == (b < half);
+}
+
 /* Cameras on an arc around the target at alternating heights; the slab's second half stands behind it. */
 static tsuya_pose view_pose(scene_kind kind, int index, int count)
 {
-    int half = kind == SCENE_SLAB ? (count + 1) / 2 : count;
+    int half = side_count(kind, count);
     bool behind = index >= half;
     double step = 7 * M_PI / 180, a = (index % half - 0.5 * (half - 1)) * step;
     double lift = (index & 1 ? 1 : -1) * 3.0 * M_PI / 180;
@@ -200,9 +221,9 @@ static bool view_create(scene_view *v, int width_px, tsuya_pose pose)
     return v->grey && v->depth && v->normal && v->textured;
 }
 
-bool scene_create(scene *s, scene_kind kind, int width_px, int view_count, double noise)
+bool scene_create(scene_pictures *s, scene_kind kind, int width_px, int view_count, double noise)
 {
-    *s = (scene){.kind = kind, .view_count = view_count, .noise = noise};
+    *s = (scene_pictures){.kind = kind, .view_count = view_count, .noise = noise};
     s->view = tsuya_calloc((size_t)view_count, sizeof *s->view);
     for (int i = 0; s->view && i < view_count; i++) {
         scene_view *v = &s->view[i];
@@ -220,7 +241,7 @@ bool scene_create(scene *s, scene_kind kind, int width_px, int view_count, doubl
     return s->view != NULL;
 }
 
-void scene_free(scene *s)
+void scene_free(scene_pictures *s)
 {
     for (int i = 0; s->view && i < s->view_count; i++) {
         tsuya_free(s->view[i].grey);
@@ -232,4 +253,4 @@ void scene_free(scene *s)
     memset(s, 0, sizeof *s);
 }
 
-double scene_gsd_m(const scene *s) { return distance_m / s->view[0].camera.fx_px; }
+double scene_gsd_m(const scene_pictures *s) { return distance_m / s->view[0].camera.fx_px; }

@@ -12,7 +12,8 @@ typedef enum scene_kind {
     SCENE_CYLINDER, /* an upright cylinder before nothing */
     SCENE_GRAZING,  /* a plane whose normal stands 75 degrees off the middle view's axis */
     SCENE_SLAB,     /* a slab six ground sample distances thick, with cameras on both sides */
-    SCENE_SATIN,    /* the sheet with no texture in its middle third, and a highlight that moves with the view */
+    SCENE_BARE,     /* the sheet with no texture in its middle third */
+    SCENE_SATIN,    /* the same with a highlight that moves with the view */
     SCENE_KIND_COUNT
 } scene_kind;
 
@@ -27,17 +28,17 @@ typedef struct scene_view {
     uint8_t *textured; /* 1 where the surface has texture */
 } scene_view;
 
-typedef struct scene {
+typedef struct scene_pictures {
     scene_kind kind;
     int view_count;
     scene_view *view;
     double noise; /* standard deviation of grey */
-} scene;
+} scene_pictures;
 
 /* Every view of the scene at the given width (height is ¾ of it); noise is added after drawing.  Returns false when
  * memory is short. */
-bool scene_create(scene *s, scene_kind kind, int width_px, int view_count, double noise);
-void scene_free(scene *s);
+bool scene_create(scene_pictures *s, scene_kind kind, int width_px, int view_count, double noise);
+void scene_free(scene_pictures *s);
 
 /* First surface point along a ray in the world frame. */
 typedef struct scene_hit {
@@ -47,7 +48,13 @@ typedef struct scene_hit {
 } scene_hit;
 bool scene_trace(scene_hit *hit, scene_kind kind, tsuya_vec3 origin, tsuya_vec3 direction);
 
+/* Unsigned distance of a point from the nearest surface of the scene. */
+double scene_distance_m(scene_kind kind, tsuya_vec3 point);
+
+/* Views on the same side as `view`: all of them but for the slab. */
+bool scene_same_side(const scene_pictures *s, int a, int b);
+
 /* Ground sample distance of the scene at its target: what one pixel covers. */
-double scene_gsd_m(const scene *s);
+double scene_gsd_m(const scene_pictures *s);
 
 #endif
