@@ -44,6 +44,8 @@ void tsuya_report_open(tsuya_report *report, const char *id, const char *title, 
 void tsuya_report_close(tsuya_report *report);
 /* Keeps the first failure in the html. */
 void tsuya_report_check(tsuya_report *report, tsuya_status status);
+/* The mesh from four sides with a number per vertex, drawn from low to high. */
+void tsuya_report_values(tsuya_report *report, const float *value, const char *title, double low, double high);
 /* At most `limit` indices spread evenly over [0, count). */
 int tsuya_report_spread(int *index, int limit, int count);
 /* Longest side `side_px`; smaller pictures stay as they are.  8 bits, sRGB. */

@@ -29,8 +29,8 @@ static int compare_float(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* Range that all but 2 % at either end lie in. */
-static tsuya_status value_range(double *low, double *high, const float *value, size_t count)
+/* The range between two quantiles. */
+static tsuya_status value_range(double *low, double *high, const float *value, size_t count, const double quantile[2])
 {
     float *sorted = tsuya_calloc(count, sizeof *sorted);
     if (!sorted) {
@@ -43,8 +43,8 @@ static tsuya_status value_range(double *low, double *high, const float *value, s
         }
     }
     qsort(sorted, n, sizeof *sorted, compare_float);
-    *low = n > 0 ? sorted[n / 50] : 0.0;
-    *high = n > 0 ? sorted[n - 1 - n / 50] : 0.0;
+    *low = n > 0 ? sorted[(size_t)(quantile[0] * (double)(n - 1))] : 0.0;
+    *high = n > 0 ? sorted[(size_t)(quantile[1] * (double)(n - 1))] : 0.0;
     if (!(*high > *low)) {
         *high = *low + 1.0;
     }
@@ -52,21 +52,21 @@ static tsuya_status value_range(double *low, double *high, const float *value, s
     return TSUYA_OK;
 }
 
-static void show_values(tsuya_report *report, const float *value, const char *title, const double *range)
+/* Drawn between two quantiles of the values. */
+static void show_values(tsuya_report *report, const float *value, const char *title, double low_quantile, double high_quantile)
 {
     double low, high;
-    if (range) {
-        low = range[0];
-        high = range[1];
-    } else {
-        tsuya_status status = value_range(&low, &high, value, report->mesh.vertex_count);
-        tsuya_report_check(report, status);
-        if (status != TSUYA_OK) {
-            return;
-        }
+    tsuya_status status = value_range(&low, &high, value, report->mesh.vertex_count, (double[]){low_quantile, high_quantile});
+    tsuya_report_check(report, status);
+    if (status == TSUYA_OK) {
+        tsuya_report_values(report, value, title, low, high);
     }
+}
+
+void tsuya_report_values(tsuya_report *report, const float *value, const char *title, double low, double high)
+{
     tsuya_shade_options options = {TSUYA_SHADE_VALUE, value, low, high};
-    tsuya_html_raw(&report->html, "<h3>%s</h3><div class=\"scale\">%.3g<span class=\"ramp\"></span>%.3g</div><div class=\"grid g6\">\n", title, low, high);
+    tsuya_html_raw(&report->html, "<h3>%s</h3><div class=\"scale\">%.3g<span class=\"ramp\"></span>%.3g</div><div class=\"grid g4\">\n", title, low, high);
     for (int i = 0; i < 4; i++) {
         char caption[64];
         snprintf(caption, sizeof caption, "from %d°", 90 * i);
@@ -106,10 +106,10 @@ void tsuya_report_surface(tsuya_report *report)
     }
     tsuya_html_raw(&report->html, "</div>\n");
     if (report->mesh.evidence) {
-        show_values(report, report->mesh.evidence, "Evidence: how many photographs support each place", NULL);
+        show_values(report, report->mesh.evidence, "Evidence: how many photographs support each place", 0.02, 0.98);
     }
     if (report->mesh.sigma) {
-        show_values(report, report->mesh.sigma, "Uncertainty of the position along the normal (one standard deviation)", NULL);
+        show_values(report, report->mesh.sigma, "Uncertainty of the position along the normal (one standard deviation)", 0.0, 0.9);
     }
     tsuya_report_close(report);
 }

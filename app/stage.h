@@ -45,9 +45,19 @@ void tsuya_stage_output(tsuya_stage_plan *plan, const char *relative_path);
 const char *tsuya_stage_material_path(const tsuya_job *job, bool with_folder);
 
 /* The stage functions, one file each. */
+tsuya_status tsuya_stage_capture_plan(tsuya_stage_plan *plan, const tsuya_stage_run *run);
+tsuya_status tsuya_stage_capture_run(const tsuya_stage_run *run);
+tsuya_status tsuya_stage_calib_plan(tsuya_stage_plan *plan, const tsuya_stage_run *run);
+tsuya_status tsuya_stage_calib_run(const tsuya_stage_run *run);
+tsuya_status tsuya_stage_reconstruct_plan(tsuya_stage_plan *plan, const tsuya_stage_run *run);
+tsuya_status tsuya_stage_reconstruct_run(const tsuya_stage_run *run);
+tsuya_status tsuya_stage_weave_plan(tsuya_stage_plan *plan, const tsuya_stage_run *run);
+tsuya_status tsuya_stage_weave_run(const tsuya_stage_run *run);
 tsuya_status tsuya_stage_brdf_plan(tsuya_stage_plan *plan, const tsuya_stage_run *run);
 tsuya_status tsuya_stage_brdf_run(const tsuya_stage_run *run);
 tsuya_status tsuya_stage_render_plan(tsuya_stage_plan *plan, const tsuya_stage_run *run);
 tsuya_status tsuya_stage_render_run(const tsuya_stage_run *run);
+tsuya_status tsuya_stage_report_plan(tsuya_stage_plan *plan, const tsuya_stage_run *run);
+tsuya_status tsuya_stage_report_run(const tsuya_stage_run *run);
 
 #endif

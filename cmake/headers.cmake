@@ -17,4 +17,18 @@ set(TSUYA_PUBLIC_HEADERS
   core/status.h
   core/table.h
   core/yaml.h
+  reconstruct/color.h
+  reconstruct/fusion.h
+  reconstruct/mesh_distance.h
+  reconstruct/silhouette.h
+  reconstruct/stereo.h
+  reconstruct/surface.h
+  render/embree_adapter.h
+  render/environment.h
+  render/film.h
+  render/light.h
+  render/path.h
+  render/render.h
+  render/scene.h
+  render/views.h
 )
