@@ -126,10 +126,11 @@ static void add_vote(vote_sum *sum, tsuya_vec3 origin, tsuya_vec3 ray, double ow
 
 /* Mean and its standard deviation.  The spread of a few votes says little, so it is held together with what matching to
  * a seventh of a pixel would give at this triangulation angle, as two more degrees of freedom (scaled inverse chi-square
- * prior). */
+ * prior).  The votes share photographs and windows: their errors are taken to correlate by 0.7, so that more of them
+ * shrink sigma only so far. */
 static void settle(struct fused_point *out, const vote_sum *sum, tsuya_vec3 origin, tsuya_vec3 ray, double own, double gsd)
 {
-    const double matching_px = 0.15, prior_freedom = 2.0;
+    const double matching_px = 0.15, prior_freedom = 2.0, correlation = 0.7;
     double mean = sum->depth / sum->weight, spread2 = fmax(sum->depth2 / sum->weight - mean * mean, 0.0);
     double expected = matching_px * gsd / fmax(sum->sine, 0.01);
     double variance = (prior_freedom * expected * expected + sum->count * spread2) / (prior_freedom + sum->count - 1);
@@ -139,7 +140,7 @@ static void settle(struct fused_point *out, const vote_sum *sum, tsuya_vec3 orig
         .position = {(float)p.x, (float)p.y, (float)p.z},
         .normal = {(float)n.x, (float)n.y, (float)n.z},
         .evidence = (float)sum->count,
-        .sigma = (float)(sqrt(variance / sum->count) * slant),
+        .sigma = (float)(sqrt(variance * (correlation + (1.0 - correlation) / sum->count)) * slant),
         .color = {(uint8_t)(sum->color.x / sum->weight + 0.5), (uint8_t)(sum->color.y / sum->weight + 0.5),
                   (uint8_t)(sum->color.z / sum->weight + 0.5)},
     };

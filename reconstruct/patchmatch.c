@@ -18,7 +18,7 @@ tsuya_patchmatch_options tsuya_patchmatch_options_default(void)
         .fine_iterations = 2,
         .geometric_iterations = 2,
         .sigma_color = 0.12f,
-        .max_cost = 0.6f,
+        .max_cost = 0.85f,
         .min_contrast = 0.004f,
         .min_roughness = 0.15f,
         .max_reprojection_px = 2.0f,

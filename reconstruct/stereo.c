@@ -57,16 +57,21 @@ static tsuya_status view_content(tsuya_hash *out, const run *r, int view)
     return status;
 }
 
+/* The filter's thresholds count only where it runs. */
 static void add_patchmatch_options(tsuya_hasher *h, const run *r, bool filter)
 {
     const tsuya_patchmatch_options *o = &r->patchmatch;
-    const double numbers[] = {
+    const double solve[] = {
         o->coarse_to_fine, o->view_selection, o->coarse_iterations, o->fine_iterations, o->geometric_iterations,
-        o->sigma_color, o->max_cost, o->min_contrast, o->min_roughness, o->max_reprojection_px, o->max_depth_error, o->min_consistent,
-        o->min_component_px, filter, LEVELS, (double)(r->context->seed >> 32), (double)(r->context->seed & 0xFFFFFFFFu),
+        o->sigma_color, filter, LEVELS, (double)(r->context->seed >> 32), (double)(r->context->seed & 0xFFFFFFFFu),
+    };
+    const double thresholds[] = {
+        o->max_cost, o->min_contrast, o->min_roughness, o->max_reprojection_px, o->max_depth_error, o->min_consistent,
+        o->min_component_px,
     };
     tsuya_hasher_add_text(h, stereo_version);
-    tsuya_hasher_add(h, numbers, sizeof numbers);
+    tsuya_hasher_add(h, solve, sizeof solve);
+    tsuya_hasher_add(h, thresholds, filter ? sizeof thresholds : 0);
 }
 
 /* Of a view's map: everything it is computed from.  The geometric one adds the first pass of the view and its sources. */
