@@ -13,7 +13,8 @@
 enum { SAMPLES = 8, GAIN_ROUNDS = 6, BORDER_PX = 8, EDGE_JUMP_PX = 8, SHRINK_MAX = 8 };
 static const double COS_MIN = 0.15;        /* more grazing than that is not looked at */
 static const double BORDER_WEIGHT = 1e-3;  /* beside a border: only where nothing better is there */
-static const double NEAR_MEDIAN = 0.25;    /* relative luminance difference that still belongs to the surface's colour */
+static const double BODY_QUANTILE = 0.4;
+static const double NEAR_BODY = 0.12;      /* relative luminance difference that still belongs to the surface's colour */
 static const double GAIN_MAX = 2.0;
 
 typedef struct sample {
@@ -250,14 +251,15 @@ done:
     return status;
 }
 
-/* Weighted median luminance of a vertex's samples. */
-static double median_luminance(const sample *s, int count, const double *gain)
+/* Luminance of a vertex's body: highlights only add light, and show where a photograph looks most squarely, so weights are
+ * flattened by a fourth root and the quantile lies below the median. */
+static double body_luminance(const sample *s, int count, const double *gain)
 {
     int order[SAMPLES];
     double value[SAMPLES], total = 0.0, sum = 0.0;
     for (int k = 0; k < count; k++) {
         value[k] = luminance(&s[k]) * gain[s[k].view];
-        total += (double)s[k].weight;
+        total += sqrt(sqrt((double)s[k].weight));
         int at = k;
         for (; at > 0 && value[order[at - 1]] > value[k]; at--) {
             order[at] = order[at - 1];
@@ -265,8 +267,11 @@ static double median_luminance(const sample *s, int count, const double *gain)
         order[at] = k;
     }
     int at = 0;
-    while (at < count - 1 && sum + (double)s[order[at]].weight < 0.5 * total) {
-        sum += (double)s[order[at++]].weight;
+    for (; at < count - 1; at++) {
+        sum += sqrt(sqrt((double)s[order[at]].weight));
+        if (sum >= BODY_QUANTILE * total) {
+            break;
+        }
     }
     return value[order[at]];
 }
@@ -281,10 +286,10 @@ static bool blend(uint8_t color[3], const sample *s, const double *gain)
     if (count == 0) {
         return false;
     }
-    double median = median_luminance(s, count, gain), total = 0.0, sum[3] = {0.0, 0.0, 0.0};
+    double body = body_luminance(s, count, gain), total = 0.0, sum[3] = {0.0, 0.0, 0.0};
     for (int k = 0; k < count; k++) {
         double g = gain[s[k].view];
-        if (fabs(luminance(&s[k]) * g - median) <= NEAR_MEDIAN * median) {
+        if (fabs(luminance(&s[k]) * g - body) <= NEAR_BODY * body) {
             total += (double)s[k].weight;
             for (int c = 0; c < 3; c++) {
                 sum[c] += (double)s[k].weight * g * (double)s[k].rgb[c];

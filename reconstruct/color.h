@@ -2,9 +2,9 @@
  *
  * A photograph sees a vertex where the drawn mesh is not in front of it.  It counts by how squarely it looks (cos²), by its
  * pixels per unit of surface, and by the distance to mask borders and depth edges, where misregistration would bleed.  Of
- * the best eight, those near the weighted median luminance are averaged in linear light, so that highlights that move with
- * the camera drop out.  One gain a photograph takes exposure differences away.  Vertices that no photograph sees take
- * their colour from the neighbours, where the mesh had none before. */
+ * the best eight, those near a quantile of luminance below the median are averaged in linear light, so that highlights
+ * that move with the camera drop out.  One gain a photograph takes exposure differences away.  Vertices that no
+ * photograph sees take their colour from the neighbours, where the mesh had none before. */
 #ifndef TSUYA_RECONSTRUCT_COLOR_H
 #define TSUYA_RECONSTRUCT_COLOR_H
 

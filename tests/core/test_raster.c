@@ -122,8 +122,8 @@ static void shared_edges_are_drawn_once(void **state)
                 bool inner = i > 0 && j > 0 && i < SIDE - 1 && j < SIDE - 1;
                 uint64_t r = tsuya_random_u64(7, trial, a);
                 double scale = trial % 2 ? 0.5 : 0.37; /* half pixels hit centres, the others do not */
-                mesh.position[3 * a] = (float)(4 * i + 3 + (inner ? scale * (double)(r % 7) - 3 * scale : 0.0));
-                mesh.position[3 * a + 1] = (float)(4 * j + 3 + (inner ? scale * (double)(r / 7 % 7) - 3 * scale : 0.0));
+                mesh.position[3 * a] = (float)(4 * i + 3 + (inner ? scale * (double)(r % 5) - 2 * scale : 0.0));
+                mesh.position[3 * a + 1] = (float)(4 * j + 3 + (inner ? scale * (double)(r / 5 % 5) - 2 * scale : 0.0));
                 mesh.position[3 * a + 2] = 1.0f;
                 if (i < SIDE - 1 && j < SIDE - 1) {
                     const uint32_t quads[2][6] = {{a, b, d, a, d, c}, {b, d, c, a, c, b}};
@@ -174,7 +174,8 @@ static void a_floor_through_the_camera_is_clipped(void **state)
             double down = (y - camera.cy_px) / camera.fy_px, z = 1.0 / down;
             float drawn = raster.depth[y * 160 + x];
             if (down > 0.0 && z < 900.0) {
-                assert_true(fabs((double)drawn / z - 1.0) < 1e-4);
+                /* half a subpixel of the vertices' rounding moves the horizon: 1/8192 px of 100 px / z */
+                assert_true(fabs((double)drawn / z - 1.0) < 1e-5 + 3e-6 * z);
             } else if (down <= 0.0) {
                 assert_true(drawn == 0.0f);
             }
