@@ -1,0 +1,285 @@
+#include "reconstruct/colmap.h"
+
+#include "core/colmap_lens.h"
+#include "core/file.h"
+#include "core/process.h"
+
+#include <stdlib.h>
+
+enum { MOST_ARGUMENTS = 64, ARGUMENT_SIZE = 4096 };
+
+static const char *const ENVIRONMENT[] = {"QT_QPA_PLATFORM=offscreen", "OPENBLAS_NUM_THREADS=1", NULL};
+
+typedef struct command {
+    tsuya_colmap *colmap;
+    const char *name, *help;
+    char argument[MOST_ARGUMENTS][ARGUMENT_SIZE];
+    const char *argv[MOST_ARGUMENTS + 1];
+    int count;
+    const char *missing; /* a needed option that this COLMAP lacks */
+    const char *label;   /* of the progress */
+    double done, total;
+} command;
+
+static void add(command *c, const char *text)
+{
+    if (c->count < MOST_ARGUMENTS) {
+        snprintf(c->argument[c->count], ARGUMENT_SIZE, "%s", text);
+        c->argv[c->count] = c->argument[c->count];
+        c->count++;
+    }
+}
+
+static bool has_option(const command *c, const char *option)
+{
+    size_t length = strlen(option);
+    for (const char *at = c->help; (at = strstr(at, option)); at += length) {
+        if (at[length] == ' ' || at[length] == '\n' || at[length] == '\0') {
+            return true;
+        }
+    }
+    return false;
+}
+
+static void set(command *c, const char *option, const char *value)
+{
+    if (!has_option(c, option)) {
+        c->missing = option;
+        return;
+    }
+    add(c, option);
+    add(c, value);
+}
+
+/* An option that only helps. */
+static void set_if_known(command *c, const char *option, const char *value)
+{
+    if (has_option(c, option)) {
+        set(c, option, value);
+    }
+}
+
+static void set_path(command *c, const char *option, const char *relative)
+{
+    char path[ARGUMENT_SIZE];
+    snprintf(path, sizeof path, "%s/%s", c->colmap->folder, relative);
+    set(c, option, path);
+}
+
+static tsuya_status begin(command *c, tsuya_colmap *colmap, const char *name, const char *label, char **help)
+{
+    *c = (command){.colmap = colmap, .name = name, .label = label};
+    const char *const ask[] = {"colmap", name, "-h", NULL};
+    TSUYA_TRY(tsuya_process_capture(help, NULL, ask, ENVIRONMENT));
+    c->help = *help;
+    add(c, "colmap");
+    add(c, name);
+    set_if_known(c, "--random_seed", "1");
+    return TSUYA_OK;
+}
+
+/* "Processed file [3/40]", "Matching image [3/40]", "Matching block [1/2]", "Registering image #12 (7)", "Undistorting image [3/39]". */
+static void follow(void *user, const char *line)
+{
+    command *c = user;
+    int done, total, id;
+    const char *bracket = strchr(line, '[');
+    if (strncmp(line, "Registering image #", 19) == 0 && sscanf(line + 19, "%d (%d)", &id, &done) == 2) {
+        c->done = done;
+    } else if (bracket && sscanf(bracket, "[%d/%d]", &done, &total) == 2 && total > 0) {
+        c->done = done;
+        c->total = total;
+    } else {
+        return;
+    }
+    tsuya_progress_update(c->colmap->context, c->label, c->done, c->total > c->done ? c->total : c->done, NULL);
+}
+
+static tsuya_status finish(command *c)
+{
+    char log[ARGUMENT_SIZE];
+    snprintf(log, sizeof log, "%s/log", c->colmap->folder);
+    TSUYA_TRY(tsuya_folder_make(log));
+    snprintf(log, sizeof log, "%s/log/%s.txt", c->colmap->folder, c->name);
+    if (c->missing) {
+        return tsuya_fail(TSUYA_ERROR_UNAVAILABLE, "colmap %s: %s has no option %s; COLMAP 3.8 is known to work", c->name, c->colmap->version, c->missing);
+    }
+    c->argv[c->count] = NULL;
+    tsuya_process_options options = {.log_path = log, .environment = ENVIRONMENT, .line = follow, .line_user = c};
+    tsuya_process_info info;
+    tsuya_status status = tsuya_process_run(&info, c->argv, &options);
+    c->colmap->peak_mb = info.peak_mb > c->colmap->peak_mb ? info.peak_mb : c->colmap->peak_mb;
+    return status;
+}
+
+static void set_threads(command *c, const char *option)
+{
+    char text[16];
+    snprintf(text, sizeof text, "%d", c->colmap->context->threads);
+    set_if_known(c, option, text);
+}
+
+tsuya_status tsuya_colmap_create(tsuya_colmap *colmap, const char *folder, const char *photos, const tsuya_context *context)
+{
+    *colmap = (tsuya_colmap){.folder = folder, .photos = photos, .context = context};
+    const char *const ask[] = {"colmap", "help", NULL};
+    char *text;
+    TSUYA_TRY(tsuya_process_capture(&text, NULL, ask, ENVIRONMENT));
+    const char *found = strstr(text, "COLMAP ");
+    int length = found ? (int)strcspn(found, "\n-") : 0;
+    snprintf(colmap->version, sizeof colmap->version, "%.*s", length > 0 ? length : 6, found ? found : "COLMAP");
+    for (size_t end = strlen(colmap->version); end > 0 && colmap->version[end - 1] == ' '; end--) {
+        colmap->version[end - 1] = '\0';
+    }
+    tsuya_free(text);
+    return TSUYA_OK;
+}
+
+static const char *lens_name(tsuya_lens lens)
+{
+    for (int i = 0; i < TSUYA_COLMAP_LENS_COUNT; i++) {
+        if (tsuya_colmap_lenses[i].lens == lens) {
+            return tsuya_colmap_lenses[i].name;
+        }
+    }
+    return "SIMPLE_RADIAL";
+}
+
+static tsuya_status set_camera(command *c, const tsuya_camera *camera)
+{
+    double p[12] = {0};
+    char text[512] = "";
+    const tsuya_colmap_lens *lens = tsuya_colmap_parameters(p, camera);
+    if (!lens) {
+        return TSUYA_ERROR_INPUT;
+    }
+    for (int i = 0; i < lens->parameters; i++) {
+        snprintf(text + strlen(text), sizeof text - strlen(text), "%s%.17g", i ? "," : "", p[i]);
+    }
+    set(c, "--ImageReader.camera_model", lens->name);
+    set(c, "--ImageReader.camera_params", text);
+    return TSUYA_OK;
+}
+
+tsuya_status tsuya_colmap_features(tsuya_colmap *colmap, const char *masks, const tsuya_camera *camera, tsuya_lens lens)
+{
+    static const char *const LEFT[] = {"database.db", "database.db-shm", "database.db-wal"};
+    char *help = NULL, path[ARGUMENT_SIZE];
+    command *c = tsuya_calloc(1, sizeof *c);
+    tsuya_status status = c ? begin(c, colmap, "feature_extractor", "features", &help) : TSUYA_ERROR_MEMORY;
+    if (status != TSUYA_OK) {
+        goto done;
+    }
+    for (size_t i = 0; i < sizeof LEFT / sizeof LEFT[0]; i++) {
+        snprintf(path, sizeof path, "%s/%s", colmap->folder, LEFT[i]);
+        remove(path);
+    }
+    set_path(c, "--database_path", "database.db");
+    set(c, "--image_path", colmap->photos);
+    if (masks) {
+        set(c, "--ImageReader.mask_path", masks);
+    }
+    set(c, "--ImageReader.single_camera", "1");
+    if (camera) {
+        TSUYA_GOTO_DONE(status, set_camera(c, camera));
+    } else {
+        set(c, "--ImageReader.camera_model", lens_name(lens));
+    }
+    set(c, "--SiftExtraction.use_gpu", "0");
+    set_threads(c, "--SiftExtraction.num_threads");
+    status = finish(c);
+done:
+    tsuya_free(help);
+    tsuya_free(c);
+    return status;
+}
+
+tsuya_status tsuya_colmap_match(tsuya_colmap *colmap, const char *pair_list)
+{
+    char *help = NULL;
+    command *c = tsuya_calloc(1, sizeof *c);
+    tsuya_status status = c ? begin(c, colmap, "matches_importer", "matching", &help) : TSUYA_ERROR_MEMORY;
+    if (status == TSUYA_OK) {
+        set_path(c, "--database_path", "database.db");
+        set(c, "--match_list_path", pair_list);
+        set(c, "--match_type", "pairs");
+        set(c, "--SiftMatching.use_gpu", "0");
+        set_threads(c, "--SiftMatching.num_threads");
+        status = finish(c);
+    }
+    tsuya_free(help);
+    tsuya_free(c);
+    return status;
+}
+
+tsuya_status tsuya_colmap_map(tsuya_colmap *colmap, const char *output, bool fixed_intrinsics)
+{
+    char *help = NULL, path[ARGUMENT_SIZE];
+    command *c = tsuya_calloc(1, sizeof *c);
+    tsuya_status status = c ? begin(c, colmap, "mapper", "mapping", &help) : TSUYA_ERROR_MEMORY;
+    if (status != TSUYA_OK) {
+        goto done;
+    }
+    snprintf(path, sizeof path, "%s/%s", colmap->folder, output);
+    TSUYA_GOTO_DONE(status, tsuya_folder_remove(path));
+    TSUYA_GOTO_DONE(status, tsuya_folder_make(path));
+    set_path(c, "--database_path", "database.db");
+    set(c, "--image_path", colmap->photos);
+    set(c, "--output_path", path);
+    set_threads(c, "--Mapper.num_threads");
+    set_if_known(c, "--Mapper.min_model_size", "3");
+    if (fixed_intrinsics) {
+        set(c, "--Mapper.ba_refine_focal_length", "0");
+        set(c, "--Mapper.ba_refine_principal_point", "0");
+        set(c, "--Mapper.ba_refine_extra_params", "0");
+    }
+    status = finish(c);
+done:
+    tsuya_free(help);
+    tsuya_free(c);
+    return status;
+}
+
+tsuya_status tsuya_colmap_triangulate(tsuya_colmap *colmap, const char *input, const char *output)
+{
+    char *help = NULL, path[ARGUMENT_SIZE];
+    command *c = tsuya_calloc(1, sizeof *c);
+    tsuya_status status = c ? begin(c, colmap, "point_triangulator", "triangulation", &help) : TSUYA_ERROR_MEMORY;
+    if (status != TSUYA_OK) {
+        goto done;
+    }
+    snprintf(path, sizeof path, "%s/%s", colmap->folder, output);
+    TSUYA_GOTO_DONE(status, tsuya_folder_make(path));
+    set_path(c, "--database_path", "database.db");
+    set(c, "--image_path", colmap->photos);
+    set_path(c, "--input_path", input);
+    set(c, "--output_path", path);
+    set_if_known(c, "--clear_points", "1");
+    set(c, "--Mapper.ba_refine_focal_length", "0");
+    set(c, "--Mapper.ba_refine_principal_point", "0");
+    set(c, "--Mapper.ba_refine_extra_params", "0");
+    set_threads(c, "--Mapper.num_threads");
+    status = finish(c);
+done:
+    tsuya_free(help);
+    tsuya_free(c);
+    return status;
+}
+
+tsuya_status tsuya_colmap_undistort(tsuya_colmap *colmap, const char *input, const char *output)
+{
+    char *help = NULL, path[ARGUMENT_SIZE];
+    command *c = tsuya_calloc(1, sizeof *c);
+    tsuya_status status = c ? begin(c, colmap, "image_undistorter", "undistortion", &help) : TSUYA_ERROR_MEMORY;
+    if (status == TSUYA_OK) {
+        snprintf(path, sizeof path, "%s/%s", colmap->folder, output);
+        set(c, "--image_path", colmap->photos);
+        set_path(c, "--input_path", input);
+        set(c, "--output_path", path);
+        set(c, "--output_type", "COLMAP");
+        status = finish(c);
+    }
+    tsuya_free(help);
+    tsuya_free(c);
+    return status;
+}

@@ -1,0 +1,34 @@
+/* The COLMAP command line (3.8 and later, without CUDA and without a display), step by step.
+ *
+ * Options are probed in `colmap COMMAND -h`: what a version lacks is left out where it does not matter and refused by name
+ * where it does. Every command's output is kept in FOLDER/log/COMMAND.txt. */
+#ifndef TSUYA_RECONSTRUCT_COLMAP_H
+#define TSUYA_RECONSTRUCT_COLMAP_H
+
+#include "core/camera.h"
+#include "core/context.h"
+
+typedef struct tsuya_colmap {
+    const char *folder;  /* JOB/reconstruct: database.db, sparse/, dense/, log/ */
+    const char *photos;
+    const tsuya_context *context;
+    char version[64];
+    double peak_mb;      /* highest memory of the commands run so far */
+} tsuya_colmap;
+
+/* Fails when colmap is missing; fills the version. */
+TSUYA_MUST_CHECK tsuya_status tsuya_colmap_create(tsuya_colmap *colmap, const char *folder, const char *photos,
+                                                  const tsuya_context *context);
+/* database.db anew, with the features of every photograph and one shared camera.  `masks`: folder of NAME.jpg.png or NULL.
+ * `camera`: intrinsics that are known, or NULL (focal length from EXIF, `lens` refined later). */
+TSUYA_MUST_CHECK tsuya_status tsuya_colmap_features(tsuya_colmap *colmap, const char *masks, const tsuya_camera *camera, tsuya_lens lens);
+/* Matches and verifies the pairs of a list; what is in the database stays. */
+TSUYA_MUST_CHECK tsuya_status tsuya_colmap_match(tsuya_colmap *colmap, const char *pair_list);
+/* Incremental mapping into FOLDER/OUTPUT/0, 1, …  */
+TSUYA_MUST_CHECK tsuya_status tsuya_colmap_map(tsuya_colmap *colmap, const char *output, bool fixed_intrinsics);
+/* Points for known poses: FOLDER/INPUT to FOLDER/OUTPUT. */
+TSUYA_MUST_CHECK tsuya_status tsuya_colmap_triangulate(tsuya_colmap *colmap, const char *input, const char *output);
+/* FOLDER/INPUT to the dense workspace FOLDER/OUTPUT, photographs at their full size. */
+TSUYA_MUST_CHECK tsuya_status tsuya_colmap_undistort(tsuya_colmap *colmap, const char *input, const char *output);
+
+#endif

@@ -1,0 +1,55 @@
+/* Photographs to a mesh: COLMAP for cameras and sparse points, then our own dense stereo, fusion and surface.
+ *
+ * Writes into the output folder (JOB/reconstruct): database.db, sparse/0, dense/ (COLMAP's workspace), cloud.ply, mesh.ply,
+ * reconstruct.json, steps.json, log/.  A finished step whose inputs are the same is passed over by a later run.
+ *
+ * COLMAP's own steps (features, matching, mapping, triangulation) are not promised to give the same bits twice; every step
+ * after undistortion is, for any number of threads. */
+#ifndef TSUYA_RECONSTRUCT_RECONSTRUCT_H
+#define TSUYA_RECONSTRUCT_RECONSTRUCT_H
+
+#include "core/context.h"
+#include "core/json.h"
+#include "reconstruct/steps.h"
+
+typedef struct tsuya_reconstruct_options {
+    const char *photos, *masks;    /* folders; masks NULL where there are none */
+    const char *output;            /* JOB/reconstruct */
+    const char *poses;             /* folder of a COLMAP text or binary model whose poses and lenses are kept; NULL */
+    const char *camera_model;      /* .cameramodel whose intrinsics are kept; NULL: from EXIF, refined */
+    const char *const *hold_out;   /* registered, but used by no dense step */
+    int hold_out_count;
+    int dense_long_side_px;        /* of the depth maps; 0: half the photographs' above 1600 px, else full */
+    int source_views;              /* for each depth map; 0: the default of stereo.h */
+    double tolerance;              /* of the mesh, world unit; 0: half the cloud's spacing */
+} tsuya_reconstruct_options;
+TSUYA_API tsuya_reconstruct_options tsuya_reconstruct_options_default(void);
+
+typedef struct tsuya_reconstruct_info {
+    int photos, registered;
+    int pairs_matched, pairs_possible, pairs_verified;
+    int models;                     /* that the mapper made; the one with most photographs is kept */
+    bool calibrated;                /* intrinsics given, not refined */
+    double scale_m_per_unit, scale_rms_m; /* NaN: COLMAP's unit */
+    double reprojection_px;
+    size_t sparse_points, points, mesh_vertices, mesh_triangles;
+    double gsd;                     /* of the full-size photographs at the surface, world unit */
+    int dense_long_side_px;
+    double tolerance, simplification_max;
+    double silhouette_median, silhouette_min; /* intersection over union against the masks; NaN without masks */
+    int silhouette_views;
+    char colmap_version[64];
+    tsuya_step step[TSUYA_STEPS_MOST];
+    int step_count;
+    double seconds, peak_mb;
+    tsuya_json *parts;              /* the dense steps' own figures; owned */
+} tsuya_reconstruct_info;
+
+/* Fails with one line on fewer than three photographs, photographs that are all the same file, mixed sizes, a missing or
+ * failing COLMAP, or no two photographs that overlap. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_reconstruct(tsuya_reconstruct_info *info, const tsuya_reconstruct_options *options,
+                                                          const tsuya_context *context);
+TSUYA_API void tsuya_reconstruct_info_free(tsuya_reconstruct_info *info);
+TSUYA_API void tsuya_reconstruct_info_to_json(tsuya_json *object, const tsuya_reconstruct_info *info);
+
+#endif

@@ -1,0 +1,23 @@
+/* The steps of a reconstruction up to the undistorted workspace; the dense ones are in reconstruct.c. */
+#ifndef TSUYA_RECONSTRUCT_SPARSE_STEPS_H
+#define TSUYA_RECONSTRUCT_SPARSE_STEPS_H
+
+#include "core/photo.h"
+#include "reconstruct/colmap.h"
+#include "reconstruct/reconstruct.h"
+
+typedef struct tsuya_reconstruction {
+    const tsuya_reconstruct_options *options;
+    const tsuya_context *context;
+    tsuya_reconstruct_info *info;
+    tsuya_photo_set photos;
+    tsuya_colmap colmap;
+    tsuya_steps steps;
+    tsuya_arena *arena;
+} tsuya_reconstruction;
+
+/* OUTPUT/NAME, in the arena. */
+const char *tsuya_reconstruction_path(const tsuya_reconstruction *r, const char *name);
+TSUYA_MUST_CHECK tsuya_status tsuya_sparse_steps(tsuya_reconstruction *r);
+
+#endif

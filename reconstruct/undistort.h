@@ -1,0 +1,19 @@
+/* Masks made to fit the photographs that `colmap image_undistorter` wrote. */
+#ifndef TSUYA_RECONSTRUCT_UNDISTORT_H
+#define TSUYA_RECONSTRUCT_UNDISTORT_H
+
+#include "core/camera.h"
+#include "core/context.h"
+#include "core/image.h"
+#include "core/photo.h"
+
+/* For every view of `dense` whose photograph has a mask: workspace/masks/NAME.png, 255 keeps, 0 outside the photograph.
+ * `sparse`: the model with the lenses. */
+TSUYA_MUST_CHECK tsuya_status tsuya_undistort_masks(const char *workspace, const tsuya_sparse_model *dense,
+                                                    const tsuya_sparse_model *sparse, const tsuya_photo_set *photos,
+                                                    const tsuya_context *context);
+/* One image (any samples) as the pinhole sees it: bilinear, 0 where the lens saw nothing. */
+TSUYA_MUST_CHECK tsuya_status tsuya_undistort(tsuya_image *out, const tsuya_image *in, const tsuya_camera *pinhole,
+                                              const tsuya_camera *lens);
+
+#endif
