@@ -78,46 +78,87 @@ static tsuya_status channel_count(int *count, const exr_attr_chlist_t *list, con
                   : tsuya_fail(TSUYA_ERROR_INPUT, "%s: EXR channels R G B, R G B A or Y (half or float, not subsampled) are accepted", path);
 }
 
-static void aim_decoder(exr_decode_pipeline_t *decoder, tsuya_image *image, int first_row, int first_column)
+/* A chunk's channels one after the other.  OpenEXR 3.1.5 swaps the channels of half files when it is asked to interleave them
+ * (its fast path for R G B A), so it gets planes. */
+typedef struct chunk_planes {
+    float *value; /* MOST_CHANNELS planes of `size` */
+    size_t size;
+} chunk_planes;
+
+static exr_result_t reserve_planes(chunk_planes *planes, const exr_chunk_info_t *chunk)
+{
+    size_t size = (size_t)chunk->width * (size_t)chunk->height;
+    if (size > planes->size) {
+        tsuya_free(planes->value);
+        planes->value = tsuya_calloc(MOST_CHANNELS * size, sizeof *planes->value);
+        planes->size = planes->value ? size : 0;
+    }
+    return planes->value ? EXR_ERR_SUCCESS : EXR_ERR_OUT_OF_MEMORY;
+}
+
+static void aim_decoder(exr_decode_pipeline_t *decoder, const exr_chunk_info_t *chunk, const chunk_planes *planes, int channels)
 {
     for (int c = 0; c < decoder->channel_count; c++) {
         exr_coding_channel_info_t *channel = &decoder->channels[c];
         int place = place_of(channel->channel_name);
         channel->decode_to_ptr = NULL;
-        if (place >= 0 && place < image->channels) {
-            channel->decode_to_ptr = (uint8_t *)(tsuya_image_f32(image, first_column, first_row) + place);
-            channel->user_pixel_stride = image->channels * (int)sizeof(float);
-            channel->user_line_stride = (int)image->row_bytes;
+        if (place >= 0 && place < channels) {
+            channel->decode_to_ptr = (uint8_t *)(planes->value + (size_t)place * planes->size);
+            channel->user_pixel_stride = (int)sizeof(float);
+            channel->user_line_stride = chunk->width * (int)sizeof(float);
             channel->user_bytes_per_element = sizeof(float);
             channel->user_data_type = EXR_PIXEL_FLOAT;
         }
     }
 }
 
-static exr_result_t decode_chunk(exr_context_t file, exr_decode_pipeline_t *decoder, const exr_chunk_info_t *chunk, bool first,
-                                 tsuya_image *image, int row, int column)
+static void interleave(tsuya_image *image, const chunk_planes *planes, const exr_chunk_info_t *chunk, int row, int column)
 {
-    exr_result_t code = first ? exr_decoding_initialize(file, 0, chunk, decoder) : exr_decoding_update(file, 0, chunk, decoder);
+    for (int y = 0; y < chunk->height && row + y < image->height_px; y++) {
+        for (int x = 0; x < chunk->width && column + x < image->width_px; x++) {
+            float *pixel = tsuya_image_f32(image, column + x, row + y);
+            for (int c = 0; c < image->channels; c++) {
+                pixel[c] = planes->value[(size_t)c * planes->size + (size_t)y * (size_t)chunk->width + (size_t)x];
+            }
+        }
+    }
+}
+
+static exr_result_t decode_chunk(exr_context_t file, exr_decode_pipeline_t *decoder, const exr_chunk_info_t *chunk, bool first,
+                                 tsuya_image *image, chunk_planes *planes, int row, int column)
+{
+    exr_result_t code = reserve_planes(planes, chunk);
     if (code == EXR_ERR_SUCCESS) {
-        aim_decoder(decoder, image, row, column);
+        code = first ? exr_decoding_initialize(file, 0, chunk, decoder) : exr_decoding_update(file, 0, chunk, decoder);
+    }
+    if (code == EXR_ERR_SUCCESS) {
+        aim_decoder(decoder, chunk, planes, image->channels);
         code = first ? exr_decoding_choose_default_routines(file, 0, decoder) : EXR_ERR_SUCCESS;
     }
-    return code == EXR_ERR_SUCCESS ? exr_decoding_run(file, 0, decoder) : code;
+    if (code == EXR_ERR_SUCCESS) {
+        code = exr_decoding_run(file, 0, decoder);
+    }
+    if (code == EXR_ERR_SUCCESS) {
+        interleave(image, planes, chunk, row, column);
+    }
+    return code;
 }
 
 static exr_result_t read_scanlines(exr_context_t file, tsuya_image *image, const exr_attr_box2i_t *window)
 {
     int32_t lines = 1;
     exr_decode_pipeline_t decoder = EXR_DECODE_PIPELINE_INITIALIZER;
+    chunk_planes planes = {0};
     exr_result_t code = exr_get_scanlines_per_chunk(file, 0, &lines);
     for (int y = window->min.y; code == EXR_ERR_SUCCESS && y <= window->max.y; y += lines) {
         exr_chunk_info_t chunk;
         code = exr_read_scanline_chunk_info(file, 0, y, &chunk);
         if (code == EXR_ERR_SUCCESS) {
-            code = decode_chunk(file, &decoder, &chunk, y == window->min.y, image, y - window->min.y, 0);
+            code = decode_chunk(file, &decoder, &chunk, y == window->min.y, image, &planes, y - window->min.y, 0);
         }
     }
     exr_decoding_destroy(file, &decoder);
+    tsuya_free(planes.value);
     return code;
 }
 
@@ -127,6 +168,7 @@ static exr_result_t read_tiles(exr_context_t file, tsuya_image *image)
     exr_tile_level_mode_t level;
     exr_tile_round_mode_t round;
     exr_decode_pipeline_t decoder = EXR_DECODE_PIPELINE_INITIALIZER;
+    chunk_planes planes = {0};
     exr_result_t code = exr_get_tile_descriptor(file, 0, &tile_width, &tile_height, &level, &round);
     bool first = true;
     for (int y = 0; code == EXR_ERR_SUCCESS && y < image->height_px; y += (int)tile_height) {
@@ -134,12 +176,13 @@ static exr_result_t read_tiles(exr_context_t file, tsuya_image *image)
             exr_chunk_info_t chunk;
             code = exr_read_tile_chunk_info(file, 0, x / (int)tile_width, y / (int)tile_height, 0, 0, &chunk);
             if (code == EXR_ERR_SUCCESS) {
-                code = decode_chunk(file, &decoder, &chunk, first, image, y, x);
+                code = decode_chunk(file, &decoder, &chunk, first, image, &planes, y, x);
                 first = false;
             }
         }
     }
     exr_decoding_destroy(file, &decoder);
+    tsuya_free(planes.value);
     return code;
 }
 
