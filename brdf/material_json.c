@@ -149,16 +149,16 @@ static tsuya_status from_json(tsuya_material **material, const tsuya_json *root,
     return status;
 }
 
-/* The getters of a document name its file; the checks of a model do not know it. */
+/* Values inside a document do not know its file; the reason shall. */
 static tsuya_status with_file(tsuya_status status, const char *file)
 {
-    const char *reason = tsuya_reason();
-    if (status == TSUYA_ERROR_INPUT && strncmp(reason, "material: ", 10) == 0) {
-        char copy[TSUYA_REASON_SIZE];
-        snprintf(copy, sizeof copy, "%s", reason + 10);
-        return tsuya_fail(status, "%s: %s", file, copy);
+    const char *reason = tsuya_reason(), *prefix = "material: ";
+    if (status != TSUYA_ERROR_INPUT || strstr(reason, file)) {
+        return status;
     }
-    return status;
+    char copy[TSUYA_REASON_SIZE];
+    snprintf(copy, sizeof copy, "%s", strncmp(reason, prefix, strlen(prefix)) == 0 ? reason + strlen(prefix) : reason);
+    return tsuya_fail(status, "%s: %s", file, copy);
 }
 
 tsuya_status tsuya_material_parse(tsuya_material **material, const char *text, const char *name_for_messages)

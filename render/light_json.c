@@ -121,6 +121,17 @@ static tsuya_status read_light(tsuya_light *l, const tsuya_json *object, const c
     return read_map(l, object, label, folder);
 }
 
+/* Values inside a document do not know where they stand; the reason shall. */
+static tsuya_status with_label(tsuya_status status, const char *label)
+{
+    if (status != TSUYA_ERROR_INPUT || strstr(tsuya_reason(), label)) {
+        return status;
+    }
+    char copy[TSUYA_REASON_SIZE];
+    snprintf(copy, sizeof copy, "%s", tsuya_reason());
+    return tsuya_fail(status, "%s: %s", label, copy);
+}
+
 static tsuya_status read_all(tsuya_light_set *set, const tsuya_json *root, const char *file, const char *folder)
 {
     const tsuya_json *array = tsuya_json_member(root, "lights");
@@ -132,7 +143,7 @@ static tsuya_status read_all(tsuya_light_set *set, const tsuya_json *root, const
         char label[512];
         tsuya_light light = {0};
         snprintf(label, sizeof label, "%.460s: lights[%d]", file, k);
-        TSUYA_TRY(read_light(&light, item, label, folder));
+        TSUYA_TRY(with_label(read_light(&light, item, label, folder), label));
         TSUYA_TRY(tsuya_light_set_add(set, &light, label));
     }
     return TSUYA_OK;
@@ -140,7 +151,6 @@ static tsuya_status read_all(tsuya_light_set *set, const tsuya_json *root, const
 
 static tsuya_status read_root(tsuya_light_set *set, const tsuya_json *root, const char *file, const char *folder)
 {
-    *set = (tsuya_light_set){0};
     tsuya_status status = read_all(set, root, file, folder);
     if (status != TSUYA_OK) {
         tsuya_light_set_free(set);
@@ -151,6 +161,7 @@ static tsuya_status read_root(tsuya_light_set *set, const tsuya_json *root, cons
 tsuya_status tsuya_light_set_parse(tsuya_light_set *set, const char *text, const char *name_for_messages, const char *folder)
 {
     tsuya_json *root;
+    *set = (tsuya_light_set){0};
     TSUYA_TRY(tsuya_json_parse(&root, text, name_for_messages));
     tsuya_status status = read_root(set, root, name_for_messages, folder);
     tsuya_json_free(root);
@@ -160,6 +171,7 @@ tsuya_status tsuya_light_set_parse(tsuya_light_set *set, const char *text, const
 tsuya_status tsuya_light_set_load(tsuya_light_set *set, const char *path)
 {
     tsuya_json *root;
+    *set = (tsuya_light_set){0};
     TSUYA_TRY(tsuya_json_load(&root, path));
     char *folder = tsuya_path_folder(path);
     tsuya_status status = folder ? read_root(set, root, path, folder) : TSUYA_ERROR_MEMORY;

@@ -46,7 +46,7 @@ typedef struct stage {
     tsuya_path_options path;
     char *folder, *json_path;
     tsuya_json *document, *old; /* what is written now; what an earlier run left (NULL: nothing) */
-    tsuya_json *frames;         /* array inside document */
+    tsuya_json *pictures;       /* array inside document */
     tsuya_hash inputs;          /* all that every picture depends on */
     double exposure_ev;
     int frame;                  /* for progress */
@@ -196,7 +196,7 @@ static tsuya_status frame_path(char **path, const stage *s, const tsuya_render_f
 /* The record of an earlier run for this picture, if it still holds. */
 static const tsuya_json *find_finished(const stage *s, const tsuya_render_frame *f, tsuya_hash stamp, const char *exr, const char *png)
 {
-    const tsuya_json *array = s->old ? tsuya_json_member(s->old, "frames") : NULL;
+    const tsuya_json *array = s->old ? tsuya_json_member(s->old, "pictures") : NULL;
     for (const tsuya_json *item = tsuya_json_first(array); item; item = tsuya_json_next(item)) {
         if (strcmp(tsuya_json_text_or(tsuya_json_member(item, "name"), ""), f->name) == 0 &&
             strcmp(tsuya_json_text_or(tsuya_json_member(item, "stamp"), ""), stamp.hex) == 0 && tsuya_path_exists(exr) &&
@@ -226,7 +226,7 @@ static tsuya_status save_film(const stage *s, const tsuya_render_frame *f, const
 
 static void record_frame(stage *s, const tsuya_render_frame *f, tsuya_hash stamp, const tsuya_path_info *info)
 {
-    tsuya_json *record = tsuya_json_add_object(s->frames);
+    tsuya_json *record = tsuya_json_add_object(s->pictures);
     tsuya_json_set_text(record, "name", f->name);
     tsuya_json_set_text(record, "camera", f->source);
     tsuya_json_set_text(record, "stamp", stamp.hex);
@@ -333,7 +333,7 @@ static void describe(stage *s)
     tsuya_json *view = tsuya_json_set_object(s->document, "view_transform");
     tsuya_json_set_number(view, "exposure_ev", s->exposure_ev);
     tsuya_json_set_text(view, "curve", "linear × 2^exposure_ev, clipped to [0, 1], sRGB");
-    s->frames = tsuya_json_set_array(s->document, "frames");
+    s->pictures = tsuya_json_set_array(s->document, "pictures");
 }
 
 static tsuya_status open_folder(stage *s)

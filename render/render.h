@@ -48,7 +48,7 @@ typedef struct tsuya_render_info {
     bool default_material, has_weft;
 } tsuya_render_info;
 
-/* Writes OUTPUT/NAME/frame_000.{png,exr} … and render.json, whose "frames" record a stamp of everything that a picture
+/* Writes OUTPUT/NAME/frame_000.{png,exr} … and render.json, whose "pictures" record a stamp of everything that a picture
  * depends on: a picture whose stamp is unchanged and whose files are there is passed over, so that an interrupted
  * sequence goes on where it stopped.
  *

@@ -1,6 +1,8 @@
 /* The random numbers of the path tracer: stratified, uniform, and a function of nothing but their key. */
 #include "support.h"
 
+#include <math.h>
+
 #include "render/sampler.h"
 
 /* Every elementary interval of area 2^-m holds one of the first 2^m points: a (0, m, 2)-net, for each Owen scrambling. */

@@ -1,0 +1,183 @@
+/* The stage: files in, pictures and render.json out; resumed picture by picture. */
+#include "support.h"
+
+#include "core/image.h"
+#include "core/mesh.h"
+
+#include "render/render.h"
+
+#include "render_scenes.h"
+
+static const char *mesh_path, *output;
+
+static int set_up(void **state)
+{
+    (void)state;
+    tsuya_mesh mesh;
+    scene_drape(&mesh, 30);
+    static char path[TEST_PATH], folder[TEST_PATH];
+    snprintf(path, sizeof path, "%s", test_path("weave.ply"));
+    snprintf(folder, sizeof folder, "%s", test_path("render"));
+    mesh_path = path;
+    output = folder;
+    tsuya_status status = tsuya_ply_save(&mesh, mesh_path, NULL);
+    tsuya_mesh_free(&mesh);
+    return status == TSUYA_OK ? 0 : -1;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    test_folder_remove();
+    return 0;
+}
+
+static tsuya_render_options small_options(const char *name)
+{
+    tsuya_render_options o = tsuya_render_options_default();
+    o.mesh_path = mesh_path;
+    o.output_folder = output;
+    o.name = name;
+    o.views = 3;
+    o.width_px = 48;
+    o.height_px = 36;
+    o.spp = 8;
+    o.bounces = 2;
+    return o;
+}
+
+static const char *frame_path(const char *name, int frame, const char *extension)
+{
+    char text[256];
+    snprintf(text, sizeof text, "render/%s/frame_%03d.%s", name, frame, extension);
+    return test_path(text);
+}
+
+static void test_turntable_and_resume(void **state)
+{
+    (void)state;
+    tsuya_context context = tsuya_context_default();
+    tsuya_render_options options = small_options("turn");
+    tsuya_render_info info;
+    tsuya_image exr, png;
+    assert_ok(tsuya_render(&info, &options, &context));
+    assert_int_equal(info.frames, 3);
+    assert_int_equal(info.frames_reused, 0);
+    assert_true(info.rays > 3 * 48 * 36 * 8 && info.default_material && info.has_weft);
+    assert_ok(tsuya_image_load(&exr, frame_path("turn", 0, "exr")));
+    assert_ok(tsuya_image_load(&png, frame_path("turn", 0, "png")));
+    assert_true(exr.width_px == 48 && exr.height_px == 36 && exr.sample == TSUYA_SAMPLE_F32 && png.width_px == 48);
+    /* the PNG is the EXR through the transform that render.json states */
+    for (int k = 0; k < 48 * 36; k += 7) {
+        const float *linear = tsuya_image_f32(&exr, k % 48, k / 48);
+        const uint8_t *shown = tsuya_image_u8(&png, k % 48, k / 48);
+        for (int c = 0; c < 3; ++c) {
+            double expected = 255.0 * tsuya_srgb_encode((float)(linear[c] * exp2(info.exposure_ev)));
+            if (!(fabs(expected - shown[c]) < 1.0)) {
+                fail_msg("pixel %d, channel %d: %g in linear is %d, expected %g", k, c, (double)linear[c], shown[c], expected);
+            }
+        }
+    }
+    tsuya_image_free(&exr);
+    tsuya_image_free(&png);
+    tsuya_hash before, after;
+    assert_ok(tsuya_hash_file(&before, frame_path("turn", 1, "exr")));
+    assert_int_equal(unlink(frame_path("turn", 1, "png")), 0);
+    assert_ok(tsuya_render(&info, &options, &context));
+    assert_int_equal(info.frames_reused, 2);
+    assert_ok(tsuya_hash_file(&after, frame_path("turn", 1, "exr")));
+    assert_string_equal(before.hex, after.hex);
+    options.spp = 9;
+    assert_ok(tsuya_render(&info, &options, &context));
+    assert_int_equal(info.frames_reused, 0);
+    assert_ok(tsuya_file_write(test_path("render/turn/render.json"), "{\"frames\": [", 12));
+    assert_ok(tsuya_render(&info, &options, &context));
+    assert_int_equal(info.frames_reused, 0);
+}
+
+static void test_figures(void **state)
+{
+    (void)state;
+    tsuya_context context = tsuya_context_default();
+    tsuya_render_options options = small_options("figures");
+    tsuya_render_info info;
+    tsuya_json *root;
+    char reference[TEST_PATH];
+    snprintf(reference, sizeof reference, "%s", frame_path("figures", 0, "exr"));
+    options.views = 1;
+    options.color = "#7a1f2b";
+    assert_ok(tsuya_render(&info, &options, &context));
+    options.reference_path = reference;
+    assert_ok(tsuya_render(&info, &options, &context));
+    assert_true(info.rmse_vs_reference >= 0.0 && info.rmse_vs_reference < 2e-3); /* halves */
+    assert_ok(tsuya_json_load(&root, test_path("render/figures/render.json")));
+    static const char *const keys[] = {"width", "height", "spp", "rays", "seconds", "mrays_per_s", "rmse_vs_reference", "exposure_ev"};
+    for (size_t k = 0; k < sizeof keys / sizeof keys[0]; ++k) {
+        assert_true(tsuya_json_is_number(tsuya_json_member(root, keys[k])));
+    }
+    assert_string_equal(tsuya_json_text_or(tsuya_json_member(root, "color"), ""), "#7a1f2b");
+    tsuya_json_free(root);
+}
+
+static void test_cameras(void **state)
+{
+    (void)state;
+    const tsuya_camera camera = {.lens = TSUYA_LENS_OPENCV8, .width_px = 40, .height_px = 30, .fx_px = 40, .fy_px = 41, .cx_px = 20, .cy_px = 14,
+                                 .distortion = {-0.2, 0.05}};
+    tsuya_pose pose = tsuya_pose_look_at((tsuya_vec3){3, 0, 1}, (tsuya_vec3){0, 0, 0}, (tsuya_vec3){0, 0, 1});
+    char path[TEST_PATH];
+    snprintf(path, sizeof path, "%s", test_path("a.cameramodel"));
+    assert_ok(tsuya_cameramodel_save(&camera, pose, path));
+    const char *cameras[] = {path, path};
+    tsuya_context context = tsuya_context_default();
+    tsuya_render_options options = small_options("cameras");
+    tsuya_render_info info;
+    options.camera_path = cameras;
+    options.camera_count = 2;
+    options.color = "0.2,0.1,0.05";
+    assert_ok(tsuya_render(&info, &options, &context));
+    assert_true(info.frames == 2 && info.width_px == 40 && info.height_px == 30);
+    tsuya_hash a, b;
+    assert_ok(tsuya_hash_file(&a, frame_path("cameras", 0, "png")));
+    assert_ok(tsuya_hash_file(&b, frame_path("cameras", 1, "png")));
+    assert_string_equal(a.hex, b.hex);
+}
+
+static void test_refusals(void **state)
+{
+    (void)state;
+    tsuya_context context = tsuya_context_default();
+    tsuya_render_options options = small_options("bad");
+    tsuya_render_info info;
+    options.color = "crimson?";
+    assert_fails(tsuya_render(&info, &options, &context), "crimson?");
+    options.color = "0.2,0.3,1.4";
+    assert_fails(tsuya_render(&info, &options, &context), "1.4");
+    options.color = NULL;
+    options.mesh_path = "/nowhere/weave.ply";
+    assert_fails(tsuya_render(&info, &options, &context), "/nowhere/weave.ply");
+    options = small_options("bad");
+    options.lights_path = "/nowhere/lights.json";
+    assert_fails(tsuya_render(&info, &options, &context), "/nowhere/lights.json");
+    options = small_options("bad");
+    options.spp = 0;
+    assert_fails(tsuya_render(&info, &options, &context), "spp");
+    options = small_options("bad");
+    options.reference_path = mesh_path;
+    assert_int_not_equal(tsuya_render(&info, &options, &context), TSUYA_OK);
+    options = small_options("bad");
+    tsuya_interrupt();
+    assert_int_equal(tsuya_render(&info, &options, &context), TSUYA_ERROR_INTERRUPTED);
+    tsuya_interrupt_clear();
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_turntable_and_resume),
+        cmocka_unit_test(test_figures),
+        cmocka_unit_test(test_cameras),
+        cmocka_unit_test(test_refusals),
+    };
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
