@@ -85,6 +85,7 @@ static void print_help(const tsuya_syntax *syntax, struct argp_state *state)
 {
     printf("Example:\n  %s\n\n", syntax->example);
     argp_state_help(state, stdout, ARGP_HELP_USAGE | ARGP_HELP_LONG | ARGP_HELP_DOC);
+    printf("\n");
     exit(TSUYA_EXIT_OK);
 }
 

@@ -1,7 +1,6 @@
 /* Stage calib: this version takes a ready camera model or none, so there is nothing to run. */
 #include "app/stage.h"
 
-#include <assert.h>
 
 tsuya_status tsuya_stage_calib_plan(tsuya_stage_plan *plan, const tsuya_stage_run *run)
 {
@@ -11,6 +10,6 @@ tsuya_status tsuya_stage_calib_plan(tsuya_stage_plan *plan, const tsuya_stage_ru
 
 tsuya_status tsuya_stage_calib_run(const tsuya_stage_run *run)
 {
-    assert(!run->job->camera.board); /* refused when the job was loaded */
+    (void)run;
     return TSUYA_OK;
 }

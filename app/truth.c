@@ -81,7 +81,8 @@ static void move_mesh(comparison *c)
     }
 }
 
-static tsuya_status surface_distance(const comparison *c, tsuya_json *figures)
+/* `unit`: 1 gives distances in the meshes' unit. */
+static tsuya_status surface_distance(const comparison *c, tsuya_json *figures, const char *key, double unit)
 {
     tsuya_status status = TSUYA_OK;
     double *value = NULL;
@@ -91,9 +92,9 @@ static tsuya_status surface_distance(const comparison *c, tsuya_json *figures)
     TSUYA_NEW(status, value, count);
     TSUYA_GOTO_DONE(status, tsuya_mesh_distances(distance, &c->true_mesh, c->mesh.position, count, c->context));
     for (size_t v = 0; v < count; v++) {
-        value[v] = (double)distance[v] / c->gsd_m;
+        value[v] = (double)distance[v] / unit;
     }
-    set_median_p90(figures, "surface_gsd", value, count);
+    set_median_p90(figures, key, value, count);
 done:
     tsuya_free(value);
     tsuya_free(distance);
@@ -241,7 +242,7 @@ tsuya_status tsuya_truth_compare(tsuya_json *figures, const tsuya_job *job, cons
     TSUYA_GOTO_DONE(status, load(&c, job, truth_folder));
     TSUYA_GOTO_DONE(status, align(&c, figures, gsd_job));
     move_mesh(&c);
-    TSUYA_GOTO_DONE(status, surface_distance(&c, figures));
+    TSUYA_GOTO_DONE(status, surface_distance(&c, figures, "surface_gsd", c.gsd_m));
     TSUYA_GOTO_DONE(status, completeness(&c, figures));
     TSUYA_GOTO_DONE(status, weft_error(&c, figures));
     set_null_pair(figures, "brdf_cbrt", "table", "photos");
@@ -251,5 +252,26 @@ done:
     tsuya_sparse_model_free(&c.true_model);
     tsuya_mesh_free(&c.mesh);
     tsuya_mesh_free(&c.true_mesh);
+    return status;
+}
+
+tsuya_status tsuya_truth_compare_surface(tsuya_json *figures, const char *folder, const char *true_mesh_path, double gsd,
+                                         const tsuya_context *context)
+{
+    comparison c = {.context = context, .gsd_m = gsd};
+    char *mesh = tsuya_path_join(folder, "mesh.ply"), *sparse = tsuya_path_join(folder, "sparse/0");
+    tsuya_status status = mesh && sparse ? TSUYA_OK : TSUYA_ERROR_MEMORY;
+    TSUYA_GOTO_DONE(status, status);
+    TSUYA_GOTO_DONE(status, tsuya_ply_load(&c.mesh, mesh));
+    TSUYA_GOTO_DONE(status, tsuya_ply_load(&c.true_mesh, true_mesh_path));
+    TSUYA_GOTO_DONE(status, tsuya_sparse_model_load(&c.true_model, sparse));
+    TSUYA_GOTO_DONE(status, surface_distance(&c, figures, "accuracy_m", 1.0));
+    TSUYA_GOTO_DONE(status, completeness(&c, figures));
+done:
+    tsuya_sparse_model_free(&c.true_model);
+    tsuya_mesh_free(&c.mesh);
+    tsuya_mesh_free(&c.true_mesh);
+    tsuya_free(mesh);
+    tsuya_free(sparse);
     return status;
 }

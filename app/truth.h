@@ -17,4 +17,9 @@
 TSUYA_MUST_CHECK tsuya_status tsuya_truth_compare(tsuya_json *figures, const tsuya_job *job, const tsuya_state *state,
                                                   const char *truth_folder, const tsuya_context *context);
 
+/* The surface of a reconstruction (its folder: mesh.ply, sparse/0) against a mesh in the same frame, for example with known
+ * poses: accuracy_m {median, p90} and completeness {tolerance_m, fraction}. */
+TSUYA_MUST_CHECK tsuya_status tsuya_truth_compare_surface(tsuya_json *figures, const char *folder, const char *true_mesh_path,
+                                                          double gsd, const tsuya_context *context);
+
 #endif

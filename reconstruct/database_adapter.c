@@ -186,7 +186,7 @@ tsuya_status tsuya_database_set_camera(const char *path, uint32_t camera_id, con
 
 tsuya_status tsuya_database_add_camera(uint32_t *camera_id, const char *path, const tsuya_camera *camera)
 {
-    int64_t row;
+    int64_t row = 0;
     TSUYA_TRY(run_camera(&row, path, "INSERT INTO cameras (model, width, height, params, prior_focal_length) VALUES (?1, ?2, ?3, ?4, 1)", camera, 0));
     *camera_id = (uint32_t)row;
     return TSUYA_OK;

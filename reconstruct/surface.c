@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { POINTS_MIN = 32, DEPTH_MIN = 4, DEPTH_MAX = 12, GAP_SMOOTHING = 4, HULL_MARGIN_PX = 4, SIMPLIFY_TRIALS = 4 };
+enum { POINTS_MIN = 32, DEPTH_MIN = 4, DEPTH_MAX = 12, GAP_SMOOTHING = 40, HULL_MARGIN_PX = 4, SIMPLIFY_TRIALS = 4 };
 static const float POINT_WEIGHT = 4.0f; /* Kazhdan & Hoppe's default */
 /* Between irregular samples a place may well be a spacing from the nearest: it still counts as measured half a spacing
  * farther out than where hems are cut. */
