@@ -254,7 +254,8 @@ static tsuya_status collect(tsuya_reconstruction *r)
     info->mesh_vertices = (size_t)figure(r, "color", "mesh_vertices", 0);
     info->mesh_triangles = (size_t)figure(r, "color", "mesh_triangles", 0);
     info->tolerance = figure(r, "surface", "tolerance", NAN);
-    info->simplification_max = figure(r, "surface", "simplification_max", NAN);
+    const tsuya_json *simplification = tsuya_json_member(tsuya_step_figures(&r->steps, "surface"), "simplification");
+    info->simplification_max = tsuya_json_number_or(tsuya_json_member(simplification, "max"), NAN);
     info->silhouette_median = figure(r, "color", "iou_median", NAN);
     info->silhouette_min = figure(r, "color", "iou_min", NAN);
     info->silhouette_views = tsuya_json_count(tsuya_json_member(tsuya_step_figures(&r->steps, "color"), "views"));

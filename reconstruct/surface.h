@@ -22,7 +22,7 @@ typedef struct tsuya_surface_options {
     double close_holes;     /* holes are closed whose places all lie within this distance of a point, unit of the cloud */
     double island_fraction; /* parts of less than this share of the largest part's area are dropped */
     int smoothing;          /* iterations */
-    int depth;              /* of the octree, 4 to 12; 0: cells of one spacing (or of the tolerance, if that is coarser) */
+    int depth;              /* of the octree, 4 to 12; 0: cells of about one spacing (or of the tolerance, if that is coarser) */
     const char *masks_workspace; /* COLMAP's dense folder: points outside the masks' visual hull are dropped; NULL: not */
 } tsuya_surface_options;
 TSUYA_API tsuya_surface_options tsuya_surface_options_default(void);
