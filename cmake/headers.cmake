@@ -4,6 +4,7 @@ set(TSUYA_PUBLIC_HEADERS
   brdf/material.h
   core/api.h
   core/camera.h
+  core/color.h
   core/context.h
   core/file.h
   core/geometry.h
