@@ -10,12 +10,12 @@
 
 enum {
     KEY_MATERIAL = 1, KEY_LIGHTS, KEY_CAMERA, KEY_TURNTABLE, KEY_SIZE, KEY_ELEVATION, KEY_UP, KEY_COLOR, KEY_SPP, KEY_NOISE,
-    KEY_BOUNCES, KEY_EXPOSURE, KEY_REFERENCE, LIST = 256,
+    KEY_BOUNCES, KEY_EXPOSURE, KEY_REFERENCE, KEY_LIKE, KEY_MASK, KEY_GAIN, LIST = 256,
 };
 
 typedef struct render_input {
     tsuya_render_options options;
-    const char *material[LIST + 1], *camera[LIST + 1];
+    const char *material[LIST + 1], *camera[LIST + 1], *photo[LIST + 1], *mask[LIST + 1];
     const char *output;
     bool turntable;
 } render_input;
@@ -34,6 +34,9 @@ static const struct argp_option render_options[] = {
     {"bounces", KEY_BOUNCES, "N", 0, "Reflections along a path (default 4; 1: lamps only)", 0},
     {"exposure", KEY_EXPOSURE, "EV", 0, "Of the PNGs (default: chosen from the first picture)", 0},
     {"reference", KEY_REFERENCE, "REF.exr", 0, "Compare the first picture with this one", 0},
+    {"like", KEY_LIKE, "PHOTO", 0, "Compare with this photograph; repeatable, in the order of the cameras", 0},
+    {"mask", KEY_MASK, "MASK.png", 0, "What to compare of the photograph (white); repeatable, in the order of the photographs", 0},
+    {"gain", KEY_GAIN, "R,G,B", 0, "Exposure and white balance of the comparison (default: fitted to each photograph)", 0},
     {"output", 'o', "PATH", 0, "Folder; with one view also PICTURE.exr, companions beside it (default: the current folder)", 0},
     {0},
 };
@@ -45,6 +48,24 @@ static void parse_up(struct argp_state *state, tsuya_vec3 *up, const char *text)
         !isfinite(tsuya_vec3_norm(*up))) {
         argp_error(state, "--up: '%s' is not X,Y,Z with a length", text);
     }
+}
+
+static void parse_gain(struct argp_state *state, double gain[3], const char *text)
+{
+    char tail;
+    if (sscanf(text, "%lf,%lf,%lf%c", &gain[0], &gain[1], &gain[2], &tail) != 3 || !(fmin(gain[0], fmin(gain[1], gain[2])) > 0.0) ||
+        !isfinite(gain[0] + gain[1] + gain[2])) {
+        argp_error(state, "--gain: '%s' is not R,G,B with three numbers above 0", text);
+    }
+}
+
+static int count(const char *const *list)
+{
+    int n = 0;
+    while (list[n]) {
+        n++;
+    }
+    return n;
 }
 
 static const char *without_name(const char *text)
@@ -60,6 +81,13 @@ static error_t parse_end(struct argp_state *state, const render_input *input)
     }
     if (input->turntable && input->camera[0]) {
         argp_error(state, "--turntable and --camera exclude each other");
+    }
+    int cameras = count(input->camera), photos = count(input->photo), masks = count(input->mask);
+    if (photos > 0 && photos != cameras) {
+        argp_error(state, "%d --like for %d --camera; one photograph a camera is needed", photos, cameras);
+    }
+    if (masks > 0 && masks != photos) {
+        argp_error(state, "%d --mask for %d --like; one mask a photograph is needed", masks, photos);
     }
     return 0;
 }
@@ -95,6 +123,9 @@ static error_t parse_render(int key, char *arg, struct argp_state *state)
     case KEY_BOUNCES: o->bounces = tsuya_argument_int(state, "--bounces", arg, 1, 64); return 0;
     case KEY_EXPOSURE: o->exposure_ev = tsuya_argument_number(state, "--exposure", arg, -40.0, 40.0); return 0;
     case KEY_REFERENCE: o->reference_path = arg; return 0;
+    case KEY_LIKE: tsuya_argument_append(state, input->photo, LIST, arg); return 0;
+    case KEY_MASK: tsuya_argument_append(state, input->mask, LIST, arg); return 0;
+    case KEY_GAIN: parse_gain(state, o->gain, arg); return 0;
     case 'o': input->output = arg; return 0;
     case ARGP_KEY_ARG:
         if (o->mesh_path) {
@@ -116,19 +147,16 @@ static const tsuya_syntax render_syntax = {
     .parse = parse_render,
 };
 
-static int count(const char *const *list)
+static bool ends_with(const char *text, const char *end)
 {
-    int n = 0;
-    while (list[n]) {
-        n++;
-    }
-    return n;
+    size_t length = strlen(text), tail = strlen(end);
+    return length >= tail && strcmp(text + length - tail, end) == 0;
 }
 
 /* The one picture and its companions, from their folder to their names. */
 static tsuya_status move_picture(const char *folder, const char *target)
 {
-    static const char *const extensions[] = {".exr", ".png", ".json"};
+    static const char *const extensions[] = {".exr", ".compare.png", ".png", ".json"};
     tsuya_arena *arena;
     char **names;
     int name_count;
@@ -136,12 +164,14 @@ static tsuya_status move_picture(const char *folder, const char *target)
     TSUYA_TRY(tsuya_arena_create(&arena, 1 << 12));
     tsuya_status status = tsuya_folder_list(&names, &name_count, folder, arena);
     for (int i = 0; status == TSUYA_OK && i < name_count; i++) {
-        for (int e = 0; e < 3; e++) {
-            if (strcmp(tsuya_path_extension(names[i]), extensions[e]) == 0) {
-                const char *from = tsuya_arena_printf(arena, "%s/%s", folder, names[i]);
-                const char *to = tsuya_arena_printf(arena, "%.*s%s", (int)stem, target, extensions[e]);
-                status = from && to ? tsuya_file_rename_into_place(from, to) : TSUYA_ERROR_MEMORY;
-            }
+        int e = 0;
+        while (e < 4 && !ends_with(names[i], extensions[e])) {
+            e++;
+        }
+        if (e < 4) {
+            const char *from = tsuya_arena_printf(arena, "%s/%s", folder, names[i]);
+            const char *to = tsuya_arena_printf(arena, "%.*s%s", (int)stem, target, extensions[e]);
+            status = from && to ? tsuya_file_rename_into_place(from, to) : TSUYA_ERROR_MEMORY;
         }
     }
     tsuya_arena_free(arena);
@@ -197,6 +227,8 @@ int tsuya_command_render(int argc, char **argv)
     input.options.material_count = count(input.material);
     input.options.camera_path = input.camera;
     input.options.camera_count = count(input.camera);
+    input.options.photo_path = input.photo[0] ? input.photo : NULL;
+    input.options.mask_path = input.mask[0] ? input.mask : NULL;
     tsuya_render_info info = {0};
     tsuya_json *figures = tsuya_json_create_object();
     tsuya_status status = figures ? render(&info, &input, &context) : TSUYA_ERROR_MEMORY;

@@ -1,4 +1,4 @@
-/* How the cloth looks: its material, and the pictures rendered with it. */
+/* How the cloth looks: its material. */
 #include "app/report_parts.h"
 
 #include "brdf/material.h"
@@ -6,7 +6,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { LOBE_PX = 360, MAP_PX = 180, RENDER_SIDE_PX = 460, RENDERS_SHOWN = 36 };
+enum { LOBE_PX = 360, MAP_PX = 180 };
 
 static tsuya_vec3 direction(double theta_deg, double phi_deg)
 {
@@ -178,57 +178,6 @@ void tsuya_report_material(tsuya_report *report)
         if (strcmp(tsuya_path_extension(names[i]), ".json") == 0 && strcmp(names[i], "fit.json") != 0) {
             show_material(report, tsuya_job_path(report->job, "brdf/%s", names[i]));
         }
-    }
-    tsuya_report_close(report);
-}
-
-static tsuya_status show_render(tsuya_report *report, const char *render, const char *name)
-{
-    const char *path = tsuya_job_path(report->job, "render/%s/%s", render, name);
-    tsuya_image full = {0}, small = {0};
-    tsuya_status status = path ? tsuya_image_load(&full, path) : TSUYA_ERROR_MEMORY;
-    if (status == TSUYA_OK) {
-        status = tsuya_report_reduce(&small, &full, RENDER_SIDE_PX);
-    }
-    if (status == TSUYA_OK) {
-        tsuya_html_picture(&report->html, &small, false, "render", name, name);
-    }
-    tsuya_image_free(&full);
-    tsuya_image_free(&small);
-    return status;
-}
-
-static void show_renders(tsuya_report *report, const tsuya_job_render *render)
-{
-    const char *folder = tsuya_job_path(report->job, "render/%s", render->name);
-    char **names;
-    int count, shown = 0;
-    if (!folder || !tsuya_path_is_folder(folder)) {
-        return;
-    }
-    tsuya_status status = tsuya_folder_list(&names, &count, folder, report->job->arena);
-    tsuya_report_check(report, status);
-    tsuya_html_raw(&report->html, "<h3>");
-    tsuya_html_text(&report->html, render->name);
-    tsuya_html_raw(&report->html, "</h3>\n<div class=\"grid g4\">\n");
-    for (int i = 0; status == TSUYA_OK && i < count && shown < RENDERS_SHOWN; i++) {
-        if (strcmp(tsuya_path_extension(names[i]), ".png") == 0) {
-            tsuya_report_check(report, show_render(report, render->name, names[i]));
-            shown++;
-        }
-    }
-    tsuya_html_raw(&report->html, "</div>\n");
-}
-
-void tsuya_report_renders(tsuya_report *report)
-{
-    if (!tsuya_state_record(report->state, "render")) {
-        return;
-    }
-    tsuya_report_open(report, "renders", "Renders", "The surface with its weft field and material under computed light. The same pictures lie "
-                                                    "in the folder render/, also as EXR in linear light.");
-    for (int i = 0; i < report->job->render.count; i++) {
-        show_renders(report, tsuya_job_render_at(report->job, i));
     }
     tsuya_report_close(report);
 }

@@ -8,9 +8,24 @@
 
 #include <string.h>
 
-enum { SAMPLES_PER_PIXEL = 64, BOUNCES = 3 };
+enum { SAMPLES_PER_PIXEL = 64, BOUNCES = 3, OTHERS = 4 };
+static const double NOISE = 0.02;
 
 static const char *const mesh_relative = "weave/weave.ply";
+
+/* Photographs and masks count where pictures are compared with them. */
+static tsuya_status add_like_inputs(tsuya_stage_plan *plan, const tsuya_job *job)
+{
+    bool like = false;
+    for (int i = 0; i < job->render.count; i++) {
+        like = like || tsuya_job_render_at(job, i)->like;
+    }
+    if (like) {
+        TSUYA_TRY(tsuya_stage_input(plan, "photos", job->photos));
+        TSUYA_TRY(tsuya_stage_input(plan, "masks", job->masks));
+    }
+    return TSUYA_OK;
+}
 
 tsuya_status tsuya_stage_render_plan(tsuya_stage_plan *plan, const tsuya_stage_run *run)
 {
@@ -24,8 +39,10 @@ tsuya_status tsuya_stage_render_plan(tsuya_stage_plan *plan, const tsuya_stage_r
     TSUYA_TRY(tsuya_stage_input(plan, "cameras", model));
     TSUYA_TRY(tsuya_stage_input(plan, "material", material));
     TSUYA_TRY(tsuya_stage_input(plan, "lights", job->lights));
+    TSUYA_TRY(add_like_inputs(plan, job));
     tsuya_json_set_number(plan->options, "seed", (double)run->context->seed);
     tsuya_json_set_number(plan->options, "spp", SAMPLES_PER_PIXEL);
+    tsuya_json_set_number(plan->options, "noise", NOISE);
     tsuya_json_set_number(plan->options, "bounces", BOUNCES);
     tsuya_json *list = tsuya_json_set_array(plan->options, "render");
     for (int i = 0; i < job->render.count; i++) {
@@ -38,6 +55,7 @@ tsuya_status tsuya_stage_render_plan(tsuya_stage_plan *plan, const tsuya_stage_r
         for (int h = 0; r->like && h < job->hold_out.count; h++) {
             tsuya_json_set_text(entry, tsuya_job_hold_out_at(job, h), "held out");
         }
+        tsuya_json_set_text(entry, "like", r->like);
         const char *output = tsuya_arena_printf(job->arena, "render/%s/render.json", r->name);
         if (!output) {
             return TSUYA_ERROR_MEMORY;
@@ -56,7 +74,11 @@ static void add_info(tsuya_render_info *total, const tsuya_render_info *info)
     double seconds = total->seconds + info->seconds, trace_seconds = total->trace_seconds + info->trace_seconds;
     double peak_mb = total->peak_mb > info->peak_mb ? total->peak_mb : info->peak_mb;
     int frames = total->frames + info->frames, reused = total->frames_reused + info->frames_reused;
+    tsuya_render_like like = info->like.photos > 0 ? info->like : total->like;
+    tsuya_render_like held_out = info->like_held_out.photos > 0 ? info->like_held_out : total->like_held_out;
     *total = *info;
+    total->like = like;
+    total->like_held_out = held_out;
     total->rays = rays;
     total->seconds = seconds;
     total->trace_seconds = trace_seconds;
@@ -66,19 +88,68 @@ static void add_info(tsuya_render_info *total, const tsuya_render_info *info)
     total->frames_reused = reused;
 }
 
-static tsuya_status held_out_views(int *index, int *count, const tsuya_job *job, const tsuya_sparse_model *model)
+/* The pictures of a `like:` entry: every photograph of hold_out, and some of the others to tell what holding out costs. */
+typedef struct like_views {
+    int *view; /* in the sparse model */
+    const char **photo, **mask;
+    bool *held_out;
+    int count;
+} like_views;
+
+static bool is_held_out(const tsuya_job *job, const char *name)
 {
-    *count = 0;
     for (int h = 0; h < job->hold_out.count; h++) {
-        const char *name = tsuya_job_hold_out_at(job, h);
-        int view = tsuya_sparse_model_find(model, name);
-        if (view >= 0) {
-            index[(*count)++] = view;
-        } else {
-            tsuya_warn("%s: held out, but not placed by the reconstruction; it is not rendered", name);
+        if (strcmp(tsuya_job_hold_out_at(job, h), name) == 0) {
+            return true;
         }
     }
-    return *count > 0 ? TSUYA_OK : tsuya_fail(TSUYA_ERROR_INPUT, "%s: render: none of the photographs of hold_out: was placed", job->path);
+    return false;
+}
+
+static void add_like(like_views *like, const tsuya_job *job, const tsuya_photo *photo, const tsuya_sparse_model *model, bool held_out)
+{
+    int view = tsuya_sparse_model_find(model, photo->name);
+    if (view < 0) {
+        if (held_out) {
+            tsuya_warn("%s: held out, but not placed by the reconstruction; it is not rendered", photo->name);
+        }
+        return;
+    }
+    like->view[like->count] = view;
+    like->photo[like->count] = photo->path;
+    like->mask[like->count] = job->masks ? photo->mask_path : NULL;
+    like->held_out[like->count++] = held_out;
+}
+
+/* As many of the others as are held out, at least OTHERS, spread evenly over the photographs. */
+static tsuya_status find_like(like_views *like, const tsuya_job *job, const tsuya_sparse_model *model)
+{
+    int photos = job->photo.count, others = 0;
+    size_t room = (size_t)photos + 1;
+    int *other = tsuya_arena_alloc(job->arena, room, sizeof *other);
+    like->view = tsuya_arena_alloc(job->arena, room, sizeof *like->view);
+    like->photo = tsuya_arena_alloc(job->arena, room, sizeof *like->photo);
+    like->mask = tsuya_arena_alloc(job->arena, room, sizeof *like->mask);
+    like->held_out = tsuya_arena_alloc(job->arena, room, sizeof *like->held_out);
+    if (!other || !like->view || !like->photo || !like->mask || !like->held_out) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    for (int p = 0; p < photos; p++) {
+        if (is_held_out(job, job->photo.photo[p].name)) {
+            add_like(like, job, &job->photo.photo[p], model, true);
+        } else {
+            other[others++] = p;
+        }
+    }
+    if (like->count == 0) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: render: none of the photographs of hold_out: was placed", job->path);
+    }
+    int wanted = like->count > OTHERS ? like->count : OTHERS;
+    wanted = wanted < others ? wanted : others;
+    for (int k = 0; k < wanted; k++) {
+        add_like(like, job, &job->photo.photo[other[k * others / wanted]], model, false);
+    }
+    return TSUYA_OK;
 }
 
 static tsuya_status render_entry(tsuya_render_info *info, const tsuya_stage_run *run, const tsuya_job_render *entry,
@@ -87,10 +158,10 @@ static tsuya_status render_entry(tsuya_render_info *info, const tsuya_stage_run 
     const tsuya_job *job = run->job;
     tsuya_render_options options = tsuya_render_options_default();
     const char *material = tsuya_stage_material_path(job, true);
-    int *views = tsuya_arena_alloc(job->arena, (size_t)job->hold_out.count + 1, sizeof *views);
+    like_views like = {0};
     options.mesh_path = tsuya_job_path(job, "%s", mesh_relative);
     options.output_folder = tsuya_job_path(job, "render");
-    if (!material || !views || !options.mesh_path || !options.output_folder) {
+    if (!material || !options.mesh_path || !options.output_folder) {
         return TSUYA_ERROR_MEMORY;
     }
     options.material_path = &material;
@@ -99,12 +170,17 @@ static tsuya_status render_entry(tsuya_render_info *info, const tsuya_stage_run 
     options.name = entry->name;
     options.color = entry->color;
     options.spp = SAMPLES_PER_PIXEL;
+    options.noise = NOISE;
     options.bounces = BOUNCES;
     options.up = up;
     if (entry->like) {
+        TSUYA_TRY(find_like(&like, job, model));
         options.model = model;
-        options.model_view = views;
-        TSUYA_TRY(held_out_views(views, &options.model_view_count, job, model));
+        options.model_view = like.view;
+        options.model_view_count = like.count;
+        options.photo_path = like.photo;
+        options.mask_path = like.mask;
+        options.held_out = like.held_out;
     } else {
         options.views = entry->views;
         options.width_px = entry->width_px;

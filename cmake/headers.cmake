@@ -24,6 +24,7 @@ set(TSUYA_PUBLIC_HEADERS
   reconstruct/silhouette.h
   reconstruct/stereo.h
   reconstruct/surface.h
+  render/compare.h
   render/embree_adapter.h
   render/environment.h
   render/film.h

@@ -3,6 +3,7 @@
 #include "core/file.h"
 
 #include "render/film.h"
+#include "render/like.h"
 #include "render/setup.h"
 
 #include <math.h>
@@ -15,7 +16,23 @@ static const char stage_version[] = "render 1";
 tsuya_render_options tsuya_render_options_default(void)
 {
     return (tsuya_render_options){.views = 1, .width_px = 1280, .height_px = 960, .elevation_deg = 15.0, .field_deg = 30.0,
-                                  .model_view_count = -1, .spp = 64, .bounces = 4, .exposure_ev = NAN};
+                                  .model_view_count = -1, .gain = {NAN, NAN, NAN}, .spp = 64, .bounces = 4, .exposure_ev = NAN};
+}
+
+static void like_to_json(tsuya_json *object, const char *key, const tsuya_render_like *like)
+{
+    if (like->photos == 0) {
+        return;
+    }
+    tsuya_json *group = tsuya_json_set_object(object, key);
+    tsuya_json_set_number(group, "photos", like->photos);
+    tsuya_json_set_number(group, "psnr_db", like->psnr_db);
+    tsuya_json_set_number(group, "ssim", like->ssim);
+    tsuya_json *de00 = tsuya_json_set_object(group, "de00");
+    tsuya_json_set_number(de00, "mean", like->de00_mean);
+    tsuya_json_set_number(de00, "median", like->de00_median);
+    tsuya_json_set_number(de00, "p95", like->de00_p95);
+    tsuya_json_set_number(group, "compared", like->compared);
 }
 
 void tsuya_render_info_to_json(tsuya_json *object, const tsuya_render_info *info)
@@ -36,6 +53,11 @@ void tsuya_render_info_to_json(tsuya_json *object, const tsuya_render_info *info
     tsuya_json_set_bool(object, "default_material", info->default_material);
     tsuya_json_set_bool(object, "has_weft", info->has_weft);
     tsuya_json_set_number(object, "peak_mb", info->peak_mb);
+    if (info->like.photos + info->like_held_out.photos > 0) {
+        tsuya_json *like = tsuya_json_set_object(object, "like");
+        like_to_json(like, "hold_out", &info->like_held_out);
+        like_to_json(like, "others", &info->like);
+    }
 }
 
 typedef struct stage {
@@ -50,6 +72,7 @@ typedef struct stage {
     tsuya_hash inputs;          /* all that every picture depends on */
     double exposure_ev;
     int frame;                  /* for progress */
+    tsuya_like_sum *like;       /* [0] photographs that the reconstruction used, [1] held out */
 } stage;
 
 /* The sequence as one progress bar. */
@@ -224,7 +247,7 @@ static tsuya_status save_film(const stage *s, const tsuya_render_frame *f, const
     return tsuya_film_save_png(film, png, s->exposure_ev);
 }
 
-static void record_frame(stage *s, const tsuya_render_frame *f, tsuya_hash stamp, const tsuya_path_info *info)
+static tsuya_json *record_frame(stage *s, const tsuya_render_frame *f, tsuya_hash stamp, const tsuya_path_info *info)
 {
     tsuya_json *record = tsuya_json_add_object(s->pictures);
     tsuya_json_set_text(record, "name", f->name);
@@ -236,6 +259,7 @@ static void record_frame(stage *s, const tsuya_render_frame *f, tsuya_hash stamp
     tsuya_json_set_number(record, "rays", (double)info->rays);
     tsuya_json_set_number(record, "trace_seconds", info->seconds);
     tsuya_json_set_number(record, "noise", info->noise_median);
+    return record;
 }
 
 static void take_record(tsuya_path_info *info, const tsuya_json *record)
@@ -266,6 +290,18 @@ static tsuya_status save_document(stage *s, double start)
     return tsuya_json_save(s->document, s->json_path);
 }
 
+/* Cheap beside the tracing, so done again for pictures of an earlier run too. */
+static tsuya_status compare_frame(stage *s, const tsuya_render_frame *f, tsuya_json *record, const char *exr)
+{
+    char *picture;
+    TSUYA_TRY(frame_path(&picture, s, f, ".compare.png"));
+    tsuya_status status = tsuya_like_compare(&s->like[f->held_out], record, f, s->options->gain, exr, picture, s->context);
+    tsuya_free(picture);
+    s->info->like = tsuya_like_mean(&s->like[0]);
+    s->info->like_held_out = tsuya_like_mean(&s->like[1]);
+    return status;
+}
+
 static tsuya_status do_frame(stage *s, const tsuya_render_frame *f, const char *exr, const char *png)
 {
     tsuya_hash stamp;
@@ -287,9 +323,9 @@ static tsuya_status do_frame(stage *s, const tsuya_render_frame *f, const char *
         tsuya_film_free(&film);
         TSUYA_TRY(status);
     }
-    record_frame(s, f, stamp, &info);
+    tsuya_json *record = record_frame(s, f, stamp, &info);
     add_figures(s, &info);
-    return TSUYA_OK;
+    return f->photo ? compare_frame(s, f, record, exr) : TSUYA_OK;
 }
 
 static tsuya_status render_sequence(stage *s, double start)
@@ -362,6 +398,7 @@ tsuya_status tsuya_render(tsuya_render_info *info, const tsuya_render_options *o
     s.path.spp = options->spp;
     s.path.noise = options->noise;
     s.path.bounces = options->bounces;
+    TSUYA_NEW(status, s.like, 2);
     TSUYA_GOTO_DONE(status, open_folder(&s));
     TSUYA_GOTO_DONE(status, tsuya_render_setup_create(&s.setup, options));
     info->frames = s.setup.frame_count;
@@ -378,6 +415,7 @@ done:
     tsuya_render_setup_free(&s.setup);
     tsuya_json_free(s.document);
     tsuya_json_free(s.old);
+    tsuya_free(s.like);
     tsuya_free(s.folder);
     tsuya_free(s.json_path);
     return status;

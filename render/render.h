@@ -22,6 +22,12 @@ typedef struct tsuya_render_options {
     const tsuya_sparse_model *model;
     const int *model_view;           /* indices into the model's views */
     int model_view_count;            /* −1: every view */
+    int longest_side_px;             /* pictures of these cameras are made smaller to fit; 0: full size */
+    /* Photographs to hold the pictures against, by picture (cameras first, then the model's views): all arrays NULL, or one
+     * entry a picture; see render/compare.h.  An entry without a photograph is not compared. */
+    const char *const *photo_path, *const *mask_path;
+    const bool *held_out;            /* figures of these apart; NULL: none is */
+    double gain[3];                  /* exposure and white balance of the comparison; NaN: fitted to each photograph */
     const char *color;               /* "#7a1f2b" (sRGB) or "r,g,b" (linear reflectances in [0, 1]); NULL: see below */
     int spp;                         /* samples per pixel; with `noise` the most that a pixel gets */
     double noise;                    /* > 0: relative standard error that a pixel aims at; see render/path.h */
@@ -35,6 +41,13 @@ typedef struct tsuya_render_options {
 /* 1 view of 1280 × 960 at 15° elevation and 30° field, 64 spp, 4 bounces, automatic exposure. */
 TSUYA_API tsuya_render_options tsuya_render_options_default(void);
 
+/* Means over photographs; ΔE00 over all their pixels together. */
+typedef struct tsuya_render_like {
+    int photos;
+    double psnr_db, ssim, de00_mean, de00_median, de00_p95;
+    double compared; /* share of the mask that could be compared */
+} tsuya_render_like;
+
 typedef struct tsuya_render_info {
     int width_px, height_px, frames, frames_reused;
     double spp;             /* mean over all pixels of the frames rendered */
@@ -46,11 +59,12 @@ typedef struct tsuya_render_info {
     double rmse_vs_reference; /* NaN without a reference */
     double exposure_ev, peak_mb;
     bool default_material, has_weft;
+    tsuya_render_like like, like_held_out; /* photos 0 where nothing was compared */
 } tsuya_render_info;
 
 /* Writes OUTPUT/NAME/frame_000.{png,exr} … and render.json, whose "pictures" record a stamp of everything that a picture
  * depends on: a picture whose stamp is unchanged and whose files are there is passed over, so that an interrupted
- * sequence goes on where it stopped.
+ * sequence goes on where it stopped.  Beside a photograph also FRAME.compare.png, and "like" in the picture's record.
  *
  * Colour: `color` becomes the dye; without it, the built-in material takes the mesh's vertex colours for its dye and a
  * measured one keeps what was measured.

@@ -150,6 +150,23 @@ static tsuya_status add_model_views(tsuya_render_setup *s, const tsuya_render_op
     return TSUYA_OK;
 }
 
+/* Smaller pictures of capture cameras, and the photographs that belong to them. */
+static void finish_given_frames(tsuya_render_setup *s, const tsuya_render_options *o)
+{
+    for (int k = 0; k < s->frame_count; ++k) {
+        tsuya_render_frame *f = &s->frame[k];
+        int longest = f->camera.width_px > f->camera.height_px ? f->camera.width_px : f->camera.height_px;
+        if (o->longest_side_px > 0 && longest > o->longest_side_px) {
+            double scale = (double)o->longest_side_px / longest;
+            f->camera = tsuya_camera_scaled(&f->camera, (int)fmax(1.0, round(scale * f->camera.width_px)),
+                                            (int)fmax(1.0, round(scale * f->camera.height_px)));
+        }
+        f->photo = o->photo_path ? o->photo_path[k] : NULL;
+        f->mask = o->mask_path ? o->mask_path[k] : NULL;
+        f->held_out = o->held_out && o->held_out[k];
+    }
+}
+
 static tsuya_status list_frames(tsuya_render_setup *s, const tsuya_render_options *o)
 {
     int from_model = o->model ? (o->model_view_count < 0 ? o->model->view_count : o->model_view_count) : 0;
@@ -172,7 +189,9 @@ static tsuya_status list_frames(tsuya_render_setup *s, const tsuya_render_option
         }
         TSUYA_TRY(tsuya_cameramodel_load(&frame->camera, &frame->camera_from_world, o->camera_path[k]));
     }
-    return add_model_views(s, o, from_model);
+    TSUYA_TRY(add_model_views(s, o, from_model));
+    finish_given_frames(s, o);
+    return TSUYA_OK;
 }
 
 static tsuya_status set_up(tsuya_render_setup *s, const tsuya_render_options *o)

@@ -13,6 +13,8 @@ typedef struct tsuya_render_frame {
     const char *source; /* "turntable 3 of 12", the .cameramodel or the photograph */
     tsuya_camera camera;
     tsuya_pose camera_from_world;
+    const char *photo, *mask; /* to compare with; NULL: none */
+    bool held_out;
 } tsuya_render_frame;
 
 typedef struct tsuya_render_setup {

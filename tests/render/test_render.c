@@ -143,6 +143,55 @@ static void test_cameras(void **state)
     assert_string_equal(a.hex, b.hex);
 }
 
+/* A photograph that is the render itself, brighter and redder: the figures of both groups, and the comparison's picture. */
+static void test_like(void **state)
+{
+    (void)state;
+    const tsuya_camera camera = {.lens = TSUYA_LENS_OPENCV4, .width_px = 64, .height_px = 48, .fx_px = 90, .fy_px = 90, .cx_px = 32, .cy_px = 22,
+                                 .distortion = {-0.2, 0.05, 0.001}};
+    tsuya_pose pose = tsuya_pose_look_at((tsuya_vec3){3, 0, 1}, (tsuya_vec3){0, 0, 0}, (tsuya_vec3){0, 0, 1});
+    char path[TEST_PATH], photo_path[TEST_PATH];
+    snprintf(path, sizeof path, "%s", test_path("like.cameramodel"));
+    snprintf(photo_path, sizeof photo_path, "%s", test_path("like.tif"));
+    assert_ok(tsuya_cameramodel_save(&camera, pose, path));
+    const char *cameras[] = {path, path}, *photos[] = {photo_path, photo_path};
+    const bool held_out[] = {true, false};
+    tsuya_context context = tsuya_context_default();
+    tsuya_render_options options = small_options("like");
+    tsuya_render_info info;
+    options.spp = 64;
+    options.camera_path = cameras;
+    options.camera_count = 2;
+    assert_ok(tsuya_render(&info, &options, &context));
+    assert_true(info.like.photos == 0 && info.like_held_out.photos == 0);
+    tsuya_image exr, linear, photo;
+    assert_ok(tsuya_image_load(&exr, frame_path("like", 0, "exr")));
+    assert_ok(tsuya_image_create(&linear, 64, 48, 3, TSUYA_SAMPLE_F32, TSUYA_ENCODING_LINEAR));
+    for (int k = 0; k < 64 * 48; ++k) {
+        for (int c = 0; c < 3; ++c) {
+            tsuya_image_f32(&linear, k % 64, k / 64)[c] = tsuya_image_f32(&exr, k % 64, k / 64)[c] * (c == 0 ? 0.6f : 0.4f);
+        }
+    }
+    assert_ok(tsuya_image_convert(&photo, &linear, TSUYA_SAMPLE_U16, TSUYA_ENCODING_SRGB));
+    assert_ok(tsuya_image_save(&photo, photo_path, NULL));
+    options.photo_path = photos;
+    options.held_out = held_out;
+    assert_ok(tsuya_render(&info, &options, &context));
+    assert_true(info.frames_reused == 2 && info.like.photos == 1 && info.like_held_out.photos == 1);
+    assert_true(info.like_held_out.de00_mean < 0.05 && info.like.ssim > 0.999 && info.like.psnr_db > 55.0 && info.like.compared > 0.5);
+    assert_true(tsuya_path_exists(frame_path("like", 1, "compare.png")));
+    options.gain[0] = options.gain[1] = options.gain[2] = 0.4;
+    assert_ok(tsuya_render(&info, &options, &context));
+    assert_true(info.like_held_out.de00_mean > 3.0);
+    options.longest_side_px = 32; /* smaller pictures of the same camera */
+    options.gain[0] = 0.6;
+    assert_ok(tsuya_render(&info, &options, &context));
+    assert_true(info.width_px == 32 && info.height_px == 24 && info.like_held_out.de00_mean < 1.0);
+    tsuya_image_free(&exr);
+    tsuya_image_free(&linear);
+    tsuya_image_free(&photo);
+}
+
 static void test_refusals(void **state)
 {
     (void)state;
@@ -177,6 +226,7 @@ int main(void)
         cmocka_unit_test(test_turntable_and_resume),
         cmocka_unit_test(test_figures),
         cmocka_unit_test(test_cameras),
+        cmocka_unit_test(test_like),
         cmocka_unit_test(test_refusals),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
