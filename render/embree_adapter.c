@@ -132,3 +132,56 @@ bool tsuya_ray_scene_occluded(const tsuya_ray_scene *scene, const tsuya_ray *ray
     rtcOccluded1(scene->scene, &context, &query);
     return query.tfar < 0.0f;
 }
+
+static void fill_packet(struct RTCRay8 *packet, int valid[TSUYA_RAY_PACKET], const tsuya_ray *ray, int count)
+{
+    for (int k = 0; k < TSUYA_RAY_PACKET; ++k) {
+        const tsuya_ray *r = &ray[k < count ? k : 0];
+        valid[k] = k < count ? -1 : 0;
+        packet->org_x[k] = r->origin[0];
+        packet->org_y[k] = r->origin[1];
+        packet->org_z[k] = r->origin[2];
+        packet->tnear[k] = r->near;
+        packet->dir_x[k] = r->direction[0];
+        packet->dir_y[k] = r->direction[1];
+        packet->dir_z[k] = r->direction[2];
+        packet->time[k] = 0.0f;
+        packet->tfar[k] = r->far;
+        packet->mask[k] = UINT32_MAX;
+        packet->id[k] = 0;
+        packet->flags[k] = 0;
+    }
+}
+
+void tsuya_ray_scene_intersect_packet(const tsuya_ray_scene *scene, const tsuya_ray *ray, int count, tsuya_ray_hit *hit, bool *met)
+{
+    _Alignas(32) int valid[TSUYA_RAY_PACKET];
+    struct RTCRayHit8 query;
+    struct RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+    fill_packet(&query.ray, valid, ray, count);
+    for (int k = 0; k < TSUYA_RAY_PACKET; ++k) {
+        query.hit.geomID[k] = RTC_INVALID_GEOMETRY_ID;
+        query.hit.instID[0][k] = RTC_INVALID_GEOMETRY_ID;
+    }
+    rtcIntersect8(valid, scene->scene, &context, &query);
+    for (int k = 0; k < count; ++k) {
+        met[k] = query.hit.geomID[k] != RTC_INVALID_GEOMETRY_ID;
+        hit[k] = (tsuya_ray_hit){query.ray.tfar[k], query.hit.u[k], query.hit.v[k], query.hit.primID[k]};
+    }
+}
+
+void tsuya_ray_scene_occluded_packet(const tsuya_ray_scene *scene, const tsuya_ray *ray, int count, bool *occluded)
+{
+    _Alignas(32) int valid[TSUYA_RAY_PACKET];
+    struct RTCRay8 query;
+    struct RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+    fill_packet(&query, valid, ray, count);
+    rtcOccluded8(valid, scene->scene, &context, &query);
+    for (int k = 0; k < count; ++k) {
+        occluded[k] = query.tfar[k] < 0.0f;
+    }
+}

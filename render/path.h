@@ -1,6 +1,5 @@
-/* Path tracing of one picture: next-event estimation and BSDF sampling joined by multiple importance sampling (power
- * heuristic; Veach 1997), Russian roulette, samples by pixel and dimension alone, so that the bytes of a picture do not
- * depend on the number of threads. */
+/* Path tracing of one picture (light transport: render/trace.h): samples by pixel and dimension alone, so that the bytes of a
+ * picture do not depend on the number of threads. */
 #ifndef TSUYA_RENDER_PATH_H
 #define TSUYA_RENDER_PATH_H
 
@@ -24,9 +23,10 @@ typedef struct tsuya_path_options {
 } tsuya_path_options;
 TSUYA_API tsuya_path_options tsuya_path_options_default(void); /* 64 spp, noise 0, 4 bounces, lamps visible, MIS */
 
-/* With `noise` E, every pixel first gets a pilot of samples; then as many as the variance that the pilot saw in its eight
- * neighbours asks for.  A pixel's number of samples therefore never depends on its own values, and its mean stays unbiased.
- * Aimed error: E · (L + a tenth of the picture's mean luminance). */
+/* With `noise` E, every pixel at or near the cloth first gets a pilot of 16 samples, the others 4; then as many as the
+ * variance that the pilots saw in the 24 pixels around it asks for.  What is at the cloth is told by rays of their own that count
+ * for nothing else.  A pixel's number of samples therefore never depends on its own values, and its mean stays unbiased.
+ * Aimed error: E times the luminance L around the pixel, or a tenth of the cloth's mean luminance where that is more. */
 typedef struct tsuya_film {
     int width_px, height_px;
     float *rgb;          /* mean radiance, linear Rec.709, 3 per pixel */

@@ -11,7 +11,7 @@
 #include <string.h>
 
 /* Raised when the pictures of unchanged inputs change. */
-static const char stage_version[] = "render 1";
+static const char stage_version[] = "render 2";
 
 tsuya_render_options tsuya_render_options_default(void)
 {
@@ -79,9 +79,8 @@ typedef struct stage {
 static void report_progress(void *user, const char *label, double done, double total, const char *detail)
 {
     const stage *s = user;
-    char text[64];
-    (void)detail;
-    snprintf(text, sizeof text, "picture %d of %d", s->frame + 1, s->setup.frame_count);
+    char text[128];
+    snprintf(text, sizeof text, "picture %d of %d%s%.60s", s->frame + 1, s->setup.frame_count, detail ? ", " : "", detail ? detail : "");
     s->context->progress(s->context->progress_user, label, s->frame + done / total, s->setup.frame_count, text);
 }
 

@@ -190,6 +190,16 @@ bool tsuya_scene_occluded(const tsuya_scene *scene, const tsuya_ray *ray)
     return tsuya_ray_scene_occluded(scene->rays, ray);
 }
 
+void tsuya_scene_intersect_packet(const tsuya_scene *scene, const tsuya_ray *ray, int count, tsuya_ray_hit *hit, bool *met)
+{
+    tsuya_ray_scene_intersect_packet(scene->rays, ray, count, hit, met);
+}
+
+void tsuya_scene_occluded_packet(const tsuya_scene *scene, const tsuya_ray *ray, int count, bool *occluded)
+{
+    tsuya_ray_scene_occluded_packet(scene->rays, ray, count, occluded);
+}
+
 void tsuya_scene_bounds(const tsuya_scene *scene, tsuya_vec3 *low, tsuya_vec3 *high)
 {
     *low = scene->low;

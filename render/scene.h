@@ -63,6 +63,9 @@ typedef struct tsuya_surface {
 
 bool tsuya_scene_intersect(const tsuya_scene *scene, const tsuya_ray *ray, tsuya_ray_hit *hit);
 bool tsuya_scene_occluded(const tsuya_scene *scene, const tsuya_ray *ray);
+/* As in render/embree_adapter.h. */
+void tsuya_scene_intersect_packet(const tsuya_scene *scene, const tsuya_ray *ray, int count, tsuya_ray_hit *hit, bool *met);
+void tsuya_scene_occluded_packet(const tsuya_scene *scene, const tsuya_ray *ray, int count, bool *occluded);
 void tsuya_scene_surface(const tsuya_scene *scene, const tsuya_ray_hit *hit, tsuya_vec3 wo, tsuya_surface *surface);
 /* Where a ray from a surface point towards wi starts; false when wi leaves through the cloth (nothing gets there). */
 bool tsuya_surface_ray_origin(const tsuya_scene *scene, const tsuya_surface *surface, tsuya_vec3 wi, tsuya_vec3 *origin);

@@ -1,0 +1,349 @@
+#include "render/trace.h"
+
+#include <math.h>
+
+/* Dimension pairs of a bounce. */
+enum { PAIR_LAMP, PAIR_DIRECTION, PAIR_CHOICE, PAIR_TURN, PAIRS_PER_BOUNCE };
+
+/* The last point of a path, as the next hit of a lamp needs it. */
+typedef struct vertex {
+    tsuya_vec3 p, n;
+    double pdf;          /* of the direction that left it */
+    double lamp_weights; /* sum of tsuya_light_weight there */
+} vertex;
+
+/* A path on its way. */
+typedef struct walker {
+    tsuya_camera_path *path;
+    tsuya_vec3 origin, direction;
+    double throughput[3];
+    vertex last;
+    tsuya_ray ray, shadow;
+    tsuya_ray_hit hit;
+    bool met, alive, lit; /* lit: a shadow ray decides about `lamp` */
+    double lamp[3];
+} walker;
+
+tsuya_tracer tsuya_tracer_make(const tsuya_scene *scene, const tsuya_light_set *lights, const tsuya_path_options *options)
+{
+    tsuya_tracer t = {scene, lights, options, false};
+    for (int k = 0; k < lights->count; ++k) {
+        tsuya_light_kind kind = lights->light[k].kind;
+        t.lamps_in_the_way |= kind == TSUYA_LIGHT_DISK || kind == TSUYA_LIGHT_RECT || kind == TSUYA_LIGHT_ENVIRONMENT;
+    }
+    return t;
+}
+
+static tsuya_vec3 to_local(const tsuya_surface *s, tsuya_vec3 w)
+{
+    return (tsuya_vec3){tsuya_vec3_dot(w, s->x), tsuya_vec3_dot(w, s->y), tsuya_vec3_dot(w, s->n)};
+}
+
+static tsuya_vec3 to_world(const tsuya_surface *s, tsuya_vec3 w)
+{
+    return tsuya_vec3_mad(tsuya_vec3_mad(tsuya_vec3_scale(s->x, w.x), w.y, s->y), w.z, s->n);
+}
+
+static tsuya_ray make_ray(tsuya_vec3 origin, tsuya_vec3 direction, double far)
+{
+    return (tsuya_ray){{(float)origin.x, (float)origin.y, (float)origin.z},
+                       {(float)direction.x, (float)direction.y, (float)direction.z},
+                       0.0f,
+                       far < 3e38 ? (float)far : INFINITY};
+}
+
+static void report_ray(const tsuya_tracer *t, const tsuya_ray *ray, bool shadow)
+{
+    if (t->options->ray_sink) {
+        t->options->ray_sink(t->options->ray_user, ray, shadow);
+    }
+}
+
+static double larger(double a, double b) { return a > b ? a : b; }
+
+static double largest(const double rgb[3]) { return larger(rgb[0], larger(rgb[1], rgb[2])); }
+
+static double power_heuristic(double a, double b)
+{
+    double r = b / a;
+    return 1.0 / (1.0 + r * r);
+}
+
+/* Weight of a lamp sample against a direction sample, and the other way round, under the strategy. */
+static double lamp_share(const tsuya_tracer *t, double pdf_lamp, double pdf_direction)
+{
+    return t->options->strategy == TSUYA_STRATEGY_MIS ? power_heuristic(pdf_lamp, pdf_direction) : 1.0;
+}
+
+static double direction_share(const tsuya_tracer *t, double pdf_direction, double pdf_lamp)
+{
+    return t->options->strategy == TSUYA_STRATEGY_MIS     ? power_heuristic(pdf_direction, pdf_lamp)
+           : t->options->strategy == TSUYA_STRATEGY_LAMPS ? 0.0
+                                                          : 1.0;
+}
+
+/* One lamp with a probability in proportion to its weight, by a reservoir of one; −1 when none can shine here. */
+static int choose_lamp(const tsuya_light_set *lights, const tsuya_surface *s, double u, double *probability, double *sum)
+{
+    int chosen = -1;
+    double chosen_weight = 0.0, total = 0.0;
+    for (int k = 0; k < lights->count; ++k) {
+        double w = tsuya_light_weight(&lights->light[k], s->p, s->n);
+        if (!(w > 0.0)) {
+            continue;
+        }
+        total += w;
+        double q = w / total;
+        if (u < q) {
+            chosen = k;
+            chosen_weight = w;
+            u /= q;
+        } else {
+            u = (u - q) / (1.0 - q);
+        }
+    }
+    *sum = total;
+    *probability = total > 0.0 ? chosen_weight / total : 0.0;
+    return chosen;
+}
+
+/* The ray that decides whether a lamp's sample is seen; false when it is not without one. */
+static bool shadow_ray(const tsuya_tracer *t, const tsuya_surface *s, const tsuya_light_sample *sample, tsuya_ray *ray)
+{
+    tsuya_vec3 origin, direction = sample->wi;
+    if (!tsuya_surface_ray_origin(t->scene, s, sample->wi, &origin)) {
+        return false;
+    }
+    double far = INFINITY;
+    if (isfinite(sample->distance_m)) {
+        tsuya_vec3 d = tsuya_vec3_sub(tsuya_vec3_mad(s->p, sample->distance_m, sample->wi), origin);
+        far = tsuya_vec3_norm(d) * (1.0 - 1e-5);
+        direction = tsuya_vec3_unit(d);
+    }
+    *ray = make_ray(origin, direction, far);
+    return true;
+}
+
+/* Light from one lamp, chosen and sampled: w->lamp, if w->shadow is free. */
+static void prepare_lamp(const tsuya_tracer *t, walker *w, const tsuya_surface *s, tsuya_vec3 wo, uint32_t pair, double choice)
+{
+    double probability, u[2] = {0.5, 0.5}, f[3];
+    int k = choose_lamp(t->lights, s, choice, &probability, &w->last.lamp_weights);
+    tsuya_light_sample sample;
+    if (k < 0 || t->options->strategy == TSUYA_STRATEGY_BSDF) {
+        return;
+    }
+    const tsuya_light *light = &t->lights->light[k];
+    if (light->area_m2 > 0.0 || light->kind == TSUYA_LIGHT_ENVIRONMENT) {
+        tsuya_sampler_pair(w->path->sampler, pair + PAIR_LAMP, u);
+    }
+    if (!tsuya_light_sample_at(light, s->p, s->n, u, &sample)) {
+        return;
+    }
+    tsuya_vec3 wi = to_local(s, sample.wi);
+    if (!(wi.z > 0.0)) {
+        return;
+    }
+    double pdf_direction = s->shader->eval_pdf(s->shader->user, s->dye, wi, wo, f);
+    double pdf_lamp = sample.pdf * probability;
+    double scale = wi.z / pdf_lamp * (sample.delta ? 1.0 : lamp_share(t, pdf_lamp, pdf_direction));
+    for (int c = 0; c < 3; ++c) {
+        w->lamp[c] = w->throughput[c] * f[c] * sample.rgb[c] * scale;
+    }
+    w->lit = largest(w->lamp) > 0.0 && shadow_ray(t, s, &sample, &w->shadow);
+}
+
+/* Lamps that the ray runs into before it meets the cloth; first: seen by the camera itself. */
+static void add_lamps_hit(const tsuya_tracer *t, walker *w, bool first)
+{
+    double distance = w->met ? w->hit.distance : INFINITY;
+    tsuya_vec3 from = first ? w->origin : w->last.p, n = first ? w->direction : w->last.n;
+    for (int k = 0; k < t->lights->count; ++k) {
+        const tsuya_light *light = &t->lights->light[k];
+        double lamp_distance, emitted[3], pdf, share = 1.0;
+        bool skipped = first && light->kind != TSUYA_LIGHT_ENVIRONMENT && !t->options->lamps_visible;
+        if (skipped || !tsuya_light_hit(light, from, n, w->direction, &lamp_distance, emitted, &pdf)) {
+            continue;
+        }
+        if (lamp_distance > distance || (isinf(lamp_distance) && isfinite(distance))) {
+            continue;
+        }
+        if (!first) {
+            double weight = tsuya_light_weight(light, w->last.p, w->last.n), sum = w->last.lamp_weights;
+            share = direction_share(t, w->last.pdf, sum > 0.0 ? pdf * weight / sum : 0.0);
+        }
+        for (int c = 0; c < 3; ++c) {
+            w->path->rgb[c] += w->throughput[c] * emitted[c] * share;
+        }
+    }
+}
+
+/* Draws the next direction; false when the path ends. */
+static bool scatter(const tsuya_tracer *t, walker *w, const tsuya_surface *s, tsuya_vec3 wo, const double u[3])
+{
+    tsuya_vec3 wi;
+    double f[3];
+    if (!s->shader->sample(s->shader->user, s->dye, wo, u, &wi)) {
+        return false;
+    }
+    double pdf = s->shader->eval_pdf(s->shader->user, s->dye, wi, wo, f);
+    if (!(pdf > 0.0)) {
+        return false;
+    }
+    for (int c = 0; c < 3; ++c) {
+        w->throughput[c] *= f[c] * wi.z / pdf;
+    }
+    w->direction = tsuya_vec3_unit(to_world(s, wi));
+    w->last.p = s->p;
+    w->last.n = s->n;
+    w->last.pdf = pdf;
+    return largest(w->throughput) > 0.0 && tsuya_surface_ray_origin(t->scene, s, w->direction, &w->origin);
+}
+
+/* Where the weft is unknown: the frame turned by a uniform angle, which averages the reflectance over the azimuth. */
+static void turn_frame(tsuya_surface *s, double u)
+{
+    double angle = 2.0 * M_PI * u, c = cos(angle), k = sin(angle);
+    tsuya_vec3 x = s->x, y = s->y;
+    s->x = tsuya_vec3_mad(tsuya_vec3_scale(x, c), k, y);
+    s->y = tsuya_vec3_mad(tsuya_vec3_scale(y, c), -k, x);
+}
+
+/* Paths that carry little go on rarely, and then for more. */
+static bool survives(double throughput[3], double u)
+{
+    double most = largest(throughput), keep = most < 0.05 ? 0.05 : most < 1.0 ? most : 1.0;
+    for (int c = 0; c < 3; ++c) {
+        throughput[c] /= keep;
+    }
+    return u < keep;
+}
+
+/* At the point that the ray met: a lamp's sample, and the next ray. */
+static void shade(const tsuya_tracer *t, walker *w, int depth)
+{
+    uint32_t pair = (uint32_t)(TSUYA_PAIR_FIRST + PAIRS_PER_BOUNCE * depth);
+    double choice[2], turn[2], u[3];
+    tsuya_surface s;
+    tsuya_vec3 back = tsuya_vec3_scale(w->direction, -1.0);
+    tsuya_scene_surface(t->scene, &w->hit, back, &s);
+    if (!s.has_weft || depth > 0) {
+        tsuya_sampler_pair(w->path->sampler, pair + PAIR_TURN, turn);
+    }
+    /* at the hit, so that lamps met on the way have been counted */
+    if (depth > 0 && !survives(w->throughput, turn[1])) {
+        w->alive = false;
+        return;
+    }
+    if (!s.has_weft) {
+        turn_frame(&s, turn[0]);
+    }
+    tsuya_vec3 wo = to_local(&s, back);
+    tsuya_sampler_pair(w->path->sampler, pair + PAIR_CHOICE, choice);
+    prepare_lamp(t, w, &s, wo, pair, choice[0]);
+    /* behind the last reflection only a lamp in the way can add something */
+    if (depth + 1 == t->options->bounces && !t->lamps_in_the_way) {
+        w->alive = false;
+        return;
+    }
+    tsuya_sampler_pair(w->path->sampler, pair + PAIR_DIRECTION, u);
+    u[2] = choice[1];
+    w->alive = scatter(t, w, &s, wo, u);
+}
+
+/* Every walker's ray: met, hit. */
+static void intersect_all(const tsuya_tracer *t, walker *w, int count, bool bundle)
+{
+    tsuya_ray ray[TSUYA_RAY_PACKET];
+    tsuya_ray_hit hit[TSUYA_RAY_PACKET];
+    bool met[TSUYA_RAY_PACKET];
+    for (int k = 0; k < count; ++k) {
+        ray[k] = w[k].ray = make_ray(w[k].origin, w[k].direction, INFINITY);
+        report_ray(t, &ray[k], false);
+    }
+    if (bundle && count > 2) {
+        tsuya_scene_intersect_packet(t->scene, ray, count, hit, met);
+    } else {
+        for (int k = 0; k < count; ++k) {
+            met[k] = tsuya_scene_intersect(t->scene, &ray[k], &hit[k]);
+        }
+    }
+    for (int k = 0; k < count; ++k) {
+        w[k].met = met[k];
+        w[k].hit = hit[k];
+    }
+}
+
+/* Adds the lamps that are seen. Returns the number of shadow rays. */
+static int occlude_all(const tsuya_tracer *t, walker *w, int count, bool bundle)
+{
+    tsuya_ray ray[TSUYA_RAY_PACKET];
+    bool hidden[TSUYA_RAY_PACKET];
+    int who[TSUYA_RAY_PACKET], rays = 0;
+    for (int k = 0; k < count; ++k) {
+        if (w[k].lit) {
+            who[rays] = k;
+            ray[rays++] = w[k].shadow;
+            report_ray(t, &w[k].shadow, true);
+        }
+    }
+    if (bundle && rays > 2) {
+        tsuya_scene_occluded_packet(t->scene, ray, rays, hidden);
+    } else {
+        for (int k = 0; k < rays; ++k) {
+            hidden[k] = tsuya_scene_occluded(t->scene, &ray[k]);
+        }
+    }
+    for (int k = 0; k < rays; ++k) {
+        for (int c = 0; c < 3 && !hidden[k]; ++c) {
+            w[who[k]].path->rgb[c] += w[who[k]].lamp[c];
+        }
+    }
+    return rays;
+}
+
+/* One step of every walker; how many go on (they are moved to the front). */
+static int step(const tsuya_tracer *t, walker *w, int count, int depth, uint64_t *rays)
+{
+    int left = 0;
+    intersect_all(t, w, count, depth == 0);
+    *rays += (uint64_t)count;
+    for (int k = 0; k < count; ++k) {
+        if (depth == 0) {
+            w[k].path->met = w[k].met;
+        }
+        w[k].lit = w[k].alive = false;
+        if (t->lamps_in_the_way) {
+            add_lamps_hit(t, &w[k], depth == 0);
+        }
+        if (w[k].met && depth < t->options->bounces) {
+            shade(t, &w[k], depth);
+        }
+    }
+    *rays += (uint64_t)occlude_all(t, w, count, depth == 0);
+    for (int k = 0; k < count; ++k) {
+        if (w[k].alive && left++ < k) {
+            w[left - 1] = w[k];
+        }
+    }
+    return left;
+}
+
+uint64_t tsuya_trace(const tsuya_tracer *tracer, tsuya_camera_path *path, int count)
+{
+    walker w[TSUYA_RAY_PACKET];
+    uint64_t rays = 0;
+    for (int k = 0; k < count; ++k) {
+        w[k].path = &path[k];
+        w[k].origin = path[k].origin;
+        w[k].direction = path[k].direction;
+        for (int c = 0; c < 3; ++c) {
+            w[k].throughput[c] = 1.0;
+            path[k].rgb[c] = 0.0;
+        }
+    }
+    for (int depth = 0; count > 0 && depth <= tracer->options->bounces; ++depth) {
+        count = step(tracer, w, count, depth, &rays);
+    }
+    return rays;
+}
