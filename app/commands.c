@@ -3,6 +3,8 @@
 const tsuya_command tsuya_commands[] = {
     {"run", "runs the stages of a JOB.yaml that are not done yet, and writes the report", tsuya_command_run},
     {"reconstruct", "photographs to a cloud and a surface", tsuya_command_reconstruct},
+    {"weave image", "thread directions, periods and confidence of a photograph, patch by patch", tsuya_command_weave_image},
+    {"weave mesh", "lifts the threads of all photographs to one weft field on the surface", tsuya_command_weave_mesh},
     {"brdf eval", "reads directions on stdin, writes a material's reflectance", tsuya_command_brdf_eval},
     {"render", "shades a mesh with its weft field and materials", tsuya_command_render},
     {NULL, NULL, NULL},
@@ -10,6 +12,6 @@ const tsuya_command tsuya_commands[] = {
 
 /* Commands of the interface that later versions bring. */
 const char *const tsuya_later_commands[] = {
-    "demo", "capture check", "weave image", "weave mesh", "capture target", "capture simulate", "calib camera", "calib compare", "calib light", "calib color", "brdf fit",
+    "demo", "capture check", "capture target", "capture simulate", "calib camera", "calib compare", "calib light", "calib color", "brdf fit",
     "brdf compare", "brdf plan", "brdf predict", "brdf plot", "brdf export", "bench", NULL,
 };

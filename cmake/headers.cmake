@@ -33,4 +33,7 @@ set(TSUYA_PUBLIC_HEADERS
   render/render.h
   render/scene.h
   render/views.h
+  weave_detect/mesh_field.h
+  weave_detect/patches.h
+  weave_detect/threads.h
 )

@@ -242,7 +242,7 @@ static tsuya_thread_family family_of(const peak *p)
 {
     double along = atan2(p->fx, p->fy); /* image y down: frequency (fx, fy) down means (fx, −fy) up; threads at right angles */
     double angle = fmod(along + 2.0 * M_PI, M_PI);
-    return (tsuya_thread_family){true, angle, 1.0 / hypot(p->fx, p->fy), p->contrast};
+    return (tsuya_thread_family){true, angle, 1.0 / hypot(p->fx, p->fy), 0.01};
 }
 
 static double logistic(double x)

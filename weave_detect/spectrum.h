@@ -8,21 +8,7 @@
 #ifndef TSUYA_WEAVE_DETECT_SPECTRUM_H
 #define TSUYA_WEAVE_DETECT_SPECTRUM_H
 
-#include "core/status.h"
-
-#include <stdbool.h>
-
-typedef struct tsuya_thread_family {
-    bool seen;
-    double angle_rad;  /* along the threads, in the image: x right, y up, [0, π) */
-    double period_px;
-    double contrast;   /* power of the peak over the median of its ring */
-} tsuya_thread_family;
-
-typedef struct tsuya_threads {
-    tsuya_thread_family a, b; /* a is the stronger one */
-    double confidence;        /* [0, 1] */
-} tsuya_threads;
+#include "weave_detect/threads.h"
 
 typedef struct tsuya_spectrum tsuya_spectrum; /* workspace of one thread */
 /* Patches of n × n pixels, n even, 16 … 512. */

@@ -1,0 +1,173 @@
+/* The patches of a photograph: where they stand, what the table holds, what is refused. */
+#include "support.h"
+
+#include "core/table.h"
+#include "weave_detect/patches.h"
+
+#include <math.h>
+
+/* Two crossed gratings at 20° and 110°, periods 6 and 8 px. */
+static void draw_gratings(tsuya_image *image, int width, int height)
+{
+    assert_ok(tsuya_image_create(image, width, height, 1, TSUYA_SAMPLE_F32, TSUYA_ENCODING_SRGB));
+    double a = 20.0 * M_PI / 180.0;
+    for (int y = 0; y < height; y++) {
+        for (int x = 0; x < width; x++) {
+            double across = -sin(a) * x - cos(a) * y, along = cos(a) * x - sin(a) * y;
+            double ridge = 0.5 * cos(2.0 * M_PI * across / 6.0) + 0.4 * cos(2.0 * M_PI * along / 8.0);
+            *tsuya_image_f32(image, x, y) = (float)(0.3 + 0.2 * ridge);
+        }
+    }
+}
+
+static void detect(tsuya_patch_grid *grid, const tsuya_image *image, const tsuya_image *mask, int threads)
+{
+    tsuya_patch_options options = tsuya_patch_options_default();
+    tsuya_context context = tsuya_context_default();
+    context.threads = threads;
+    assert_ok(tsuya_patches_detect(grid, image, mask, &options, &context));
+}
+
+static void test_one_patch_of_a_small_image(void **state)
+{
+    (void)state;
+    tsuya_image image;
+    tsuya_patch_grid grid;
+    draw_gratings(&image, 64, 64);
+    detect(&grid, &image, NULL, 1);
+    assert_int_equal(tsuya_patch_count(&grid), 1);
+    const tsuya_threads *t = &grid.patch[0].threads;
+    assert_float_equal(grid.patch[0].x_px, 31.5, 0.0);
+    assert_true(t->a.seen && t->b.seen);
+    assert_true(tsuya_line_difference(t->a.angle_rad, 20.0 * M_PI / 180.0) < 0.01);
+    assert_true(tsuya_line_difference(t->b.angle_rad, 110.0 * M_PI / 180.0) < 0.01);
+    assert_float_equal(t->a.period_px, 6.0, 0.05);
+    assert_float_equal(t->b.period_px, 8.0, 0.08);
+    tsuya_patches_free(&grid);
+    tsuya_image_free(&image);
+}
+
+static void test_the_user_names_the_weft(void **state)
+{
+    (void)state;
+    tsuya_image image;
+    tsuya_patch_grid grid;
+    tsuya_patch_options options = tsuya_patch_options_default();
+    tsuya_context context = tsuya_context_default();
+    draw_gratings(&image, 64, 64);
+    options.weft_deg = 100.0;
+    assert_ok(tsuya_patches_detect(&grid, &image, NULL, &options, &context));
+    assert_true(tsuya_line_difference(grid.patch[0].threads.a.angle_rad, 110.0 * M_PI / 180.0) < 0.01);
+    tsuya_patches_free(&grid);
+    tsuya_image_free(&image);
+}
+
+static void test_table_and_threads(void **state)
+{
+    (void)state;
+    static const char *const columns[] = {"x_px", "y_px", "weft_deg", "warp_deg", "period_weft_px", "period_warp_px", "confidence", NULL};
+    tsuya_image image;
+    tsuya_patch_grid grid;
+    tsuya_table table;
+    tsuya_hash one, two;
+    tsuya_table_options options = {.required = columns, .known = columns, .allow_empty = true};
+    draw_gratings(&image, 300, 200);
+    for (int threads = 1; threads <= 2; threads++) {
+        detect(&grid, &image, NULL, threads);
+        assert_int_equal(grid.columns, (300 - 64) / 32 + 1);
+        assert_int_equal(grid.rows, (200 - 64) / 32 + 1);
+        assert_ok(tsuya_patches_save(&grid, test_path(threads == 1 ? "one.csv" : "two.csv")));
+        tsuya_patches_free(&grid);
+    }
+    assert_ok(tsuya_hash_file(&one, test_path("one.csv")));
+    assert_ok(tsuya_hash_file(&two, test_path("two.csv")));
+    assert_string_equal(one.hex, two.hex);
+    assert_ok(tsuya_table_load(&table, test_path("one.csv"), &options));
+    assert_int_equal(table.row_count, 8 * 5);
+    assert_float_equal(tsuya_table_at(&table, 1, 0), 63.5, 1e-9);
+    for (size_t r = 0; r < table.row_count; r++) {
+        double confidence = tsuya_table_at(&table, r, 6), weft = tsuya_table_at(&table, r, 2);
+        assert_true(confidence >= 0.0 && confidence <= 1.0);
+        assert_true(isnan(weft) || (weft >= 0.0 && weft < 180.0));
+    }
+    tsuya_table_free(&table);
+    tsuya_image_free(&image);
+}
+
+static void test_grey_and_masked_patches_are_empty(void **state)
+{
+    (void)state;
+    tsuya_image image, mask;
+    tsuya_patch_grid grid;
+    draw_gratings(&image, 192, 64);
+    for (int y = 0; y < 64; y++) {
+        for (int x = 128; x < 192; x++) {
+            *tsuya_image_f32(&image, x, y) = 0.5f;
+        }
+    }
+    assert_ok(tsuya_image_create(&mask, 192, 64, 1, TSUYA_SAMPLE_U8, TSUYA_ENCODING_DATA));
+    for (int y = 0; y < 64; y++) {
+        for (int x = 70; x < 192; x++) {
+            *tsuya_image_u8(&mask, x, y) = 255;
+        }
+    }
+    detect(&grid, &image, &mask, 1);
+    assert_float_equal(grid.patch[0].threads.confidence, 0.0, 0.0);
+    assert_false(grid.patch[0].threads.a.seen);
+    assert_true(grid.patch[2].threads.a.seen);
+    assert_float_equal(grid.patch[4].threads.confidence, 0.0, 0.0);
+    assert_false(grid.patch[4].threads.a.seen || grid.patch[4].threads.b.seen);
+    tsuya_patches_free(&grid);
+    tsuya_image_free(&image);
+    tsuya_image_free(&mask);
+}
+
+static void test_refusals(void **state)
+{
+    (void)state;
+    tsuya_image image, mask;
+    tsuya_patch_grid grid;
+    tsuya_context context = tsuya_context_default();
+    tsuya_patch_options options = tsuya_patch_options_default();
+    draw_gratings(&image, 60, 200);
+    assert_fails(tsuya_patches_detect(&grid, &image, NULL, &options, &context), "60 × 200 px is smaller than one patch of 64");
+    options.patch_px = 33;
+    assert_fails(tsuya_patches_detect(&grid, &image, NULL, &options, &context), "even sizes from 16 to 512");
+    options.patch_px = 32;
+    assert_ok(tsuya_image_create(&mask, 60, 201, 1, TSUYA_SAMPLE_U8, TSUYA_ENCODING_DATA));
+    assert_fails(tsuya_patches_detect(&grid, &image, &mask, &options, &context), "the same size");
+    options.step_px = 0;
+    assert_fails(tsuya_patches_detect(&grid, &image, NULL, &options, &context), "step of 0 px");
+    tsuya_image_free(&image);
+    tsuya_image_free(&mask);
+}
+
+static void test_overlay_keeps_the_photograph(void **state)
+{
+    (void)state;
+    tsuya_image image, picture;
+    tsuya_patch_grid grid;
+    draw_gratings(&image, 128, 96);
+    detect(&grid, &image, NULL, 1);
+    assert_ok(tsuya_patches_overlay(&picture, &image, &grid));
+    assert_int_equal(picture.width_px, 128);
+    assert_int_equal(picture.channels, 3);
+    const uint8_t *corner = tsuya_image_u8(&picture, 0, 0), *centre = tsuya_image_u8(&picture, 32, 32);
+    assert_int_equal(corner[0], corner[1]);
+    assert_true(abs(centre[0] - centre[1]) + abs(centre[1] - centre[2]) > 20);
+    tsuya_image_free(&picture);
+    tsuya_patches_free(&grid);
+    tsuya_image_free(&image);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_one_patch_of_a_small_image), cmocka_unit_test(test_the_user_names_the_weft),
+        cmocka_unit_test(test_table_and_threads),          cmocka_unit_test(test_grey_and_masked_patches_are_empty),
+        cmocka_unit_test(test_refusals),                   cmocka_unit_test(test_overlay_keeps_the_photograph),
+    };
+    int result = cmocka_run_group_tests(tests, NULL, NULL);
+    test_folder_remove();
+    return result;
+}

@@ -1,0 +1,153 @@
+/* Directions on a mesh: transport along edges, smoothing, choices along the surest edges. */
+#include "support.h"
+
+#include "core/memory.h"
+#include "weave_detect/smooth.h"
+#include "weave_detect/spanning.h"
+#include "weave_detect/votes.h"
+
+#include <math.h>
+
+enum { SIDE = 24 };
+
+/* A sheet of SIDE × SIDE vertices rolled onto a cylinder of `turn` radians (0: flat). */
+static void make_sheet(tsuya_mesh *mesh, double turn)
+{
+    assert_ok(tsuya_mesh_create(mesh, SIDE * SIDE, 2 * (SIDE - 1) * (SIDE - 1), 0));
+    double radius = turn > 0.0 ? (SIDE - 1) / turn : 0.0;
+    for (int j = 0; j < SIDE; j++) {
+        for (int i = 0; i < SIDE; i++) {
+            float *p = mesh->position + 3 * (j * SIDE + i);
+            p[0] = (float)(turn > 0.0 ? radius * sin(i / radius) : i);
+            p[1] = (float)j;
+            p[2] = (float)(turn > 0.0 ? radius * cos(i / radius) : 0.0);
+        }
+    }
+    uint32_t *t = mesh->triangle;
+    for (uint32_t j = 0; j + 1 < SIDE; j++) {
+        for (uint32_t i = 0; i + 1 < SIDE; i++) {
+            uint32_t v = j * SIDE + i;
+            const uint32_t six[6] = {v, v + 1, v + SIDE, v + 1, v + SIDE + 1, v + SIDE};
+            memcpy(t, six, sizeof six);
+            t += 6;
+        }
+    }
+    assert_ok(tsuya_mesh_compute_normals(mesh));
+}
+
+static double angle_of(const tsuya_mesh *mesh, size_t v, tsuya_vec3 direction)
+{
+    const float *n = mesh->normal + 3 * v;
+    tsuya_vec3 first, second;
+    tsuya_tangent_basis(&first, &second, (tsuya_vec3){(double)n[0], (double)n[1], (double)n[2]});
+    return atan2(tsuya_vec3_dot(direction, second), tsuya_vec3_dot(direction, first));
+}
+
+static void test_transport_keeps_a_parallel_field(void **state)
+{
+    (void)state;
+    tsuya_mesh mesh;
+    tsuya_mesh_graph graph;
+    make_sheet(&mesh, 2.0);
+    assert_ok(tsuya_mesh_graph_create(&graph, &mesh));
+    for (uint32_t v = 0; v < graph.vertex_count; v++) { /* along the cylinder's axis everywhere */
+        for (uint32_t e = graph.start[v]; e < graph.start[v + 1]; e++) {
+            double here = angle_of(&mesh, v, (tsuya_vec3){0, 1, 0}), there = angle_of(&mesh, graph.neighbour[e], (tsuya_vec3){0, 1, 0});
+            assert_true(fabs(remainder(there + (double)graph.turn_rad[e] - here, 2.0 * M_PI)) < 1e-4);
+            uint32_t back = tsuya_mesh_graph_find(&graph, graph.neighbour[e], v);
+            assert_true(back != UINT32_MAX);
+            assert_true(fabs(remainder((double)graph.turn_rad[e] + (double)graph.turn_rad[back], 2.0 * M_PI)) < 1e-4);
+            assert_float_equal(graph.weight[e], graph.weight[back], 1e-4);
+        }
+    }
+    int rim = 0;
+    for (uint32_t v = 0; v < graph.vertex_count; v++) {
+        rim += graph.rim[v];
+    }
+    assert_int_equal(rim, 4 * (SIDE - 1));
+    tsuya_mesh_graph_free(&graph);
+    tsuya_mesh_free(&mesh);
+}
+
+static void test_smoothing_fills_from_two_ends(void **state)
+{
+    (void)state;
+    enum { N = SIDE * SIDE };
+    static tsuya_complex z[N], target[N];
+    static double pull[N];
+    for (int fold = 2; fold <= 4; fold += 2) {
+        tsuya_mesh mesh;
+        tsuya_mesh_graph graph;
+        tsuya_context context = tsuya_context_default();
+        make_sheet(&mesh, 2.5);
+        assert_ok(tsuya_mesh_graph_create(&graph, &mesh));
+        memset(z, 0, sizeof z);
+        memset(pull, 0, sizeof pull);
+        for (size_t j = 0; j < SIDE; j++) { /* the axis is known at both ends of the sheet alone */
+            for (size_t k = 0; k < 2; k++) {
+                size_t v = j * SIDE + k * (SIDE - 1);
+                double angle = angle_of(&mesh, v, (tsuya_vec3){0, 1, 0});
+                target[v] = (tsuya_complex){cos(fold * angle), sin(fold * angle)};
+                pull[v] = 1.0;
+            }
+        }
+        assert_ok(tsuya_smooth_directions(z, target, pull, NULL, fold, &graph, &context));
+        for (size_t v = 0; v < N; v++) {
+            double want = fold * angle_of(&mesh, v, (tsuya_vec3){0, 1, 0});
+            assert_true(fabs(remainder(atan2(z[v].im, z[v].re) - want, 2.0 * M_PI)) < 2e-3);
+        }
+        tsuya_mesh_graph_free(&graph);
+        tsuya_mesh_free(&mesh);
+    }
+}
+
+static void test_threads_do_not_change_the_smoothing(void **state)
+{
+    (void)state;
+    enum { N = SIDE * SIDE };
+    static tsuya_complex z[2][N], target[N];
+    static double pull[N];
+    tsuya_mesh mesh;
+    tsuya_mesh_graph graph;
+    make_sheet(&mesh, 1.0);
+    assert_ok(tsuya_mesh_graph_create(&graph, &mesh));
+    for (size_t v = 0; v < N; v++) {
+        double angle = 6.0 * tsuya_random_uniform(1, 2, v);
+        target[v] = (tsuya_complex){cos(angle), sin(angle)};
+        pull[v] = tsuya_random_uniform(1, 3, v);
+    }
+    for (int k = 0; k < 2; k++) {
+        tsuya_context context = tsuya_context_default();
+        context.threads = k + 1;
+        assert_ok(tsuya_smooth_directions(z[k], target, pull, NULL, 4, &graph, &context));
+    }
+    assert_memory_equal(z[0], z[1], sizeof z[0]);
+    tsuya_mesh_graph_free(&graph);
+    tsuya_mesh_free(&mesh);
+}
+
+static void test_choices_follow_the_surest_edges(void **state)
+{
+    (void)state;
+    /* a ring of four where one edge lies: the least trusted one loses */
+    tsuya_choice_edge edge[] = {{0, 1, 0.9f, 1}, {1, 2, 0.8f, 0}, {2, 3, 0.7f, 1}, {3, 0, 0.1f, 1}, {5, 6, 0.5f, 1}};
+    uint8_t choice[7];
+    uint32_t root[7];
+    assert_ok(tsuya_spanning_choices(choice, root, edge, 5, 7));
+    assert_int_equal(choice[0] ^ choice[1], 1);
+    assert_int_equal(choice[1] ^ choice[2], 0);
+    assert_int_equal(choice[2] ^ choice[3], 1);
+    assert_int_equal(choice[5] ^ choice[6], 1);
+    assert_int_equal(root[0], root[3]);
+    assert_int_not_equal(root[0], root[4]);
+    assert_int_not_equal(root[4], root[5]);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_transport_keeps_a_parallel_field), cmocka_unit_test(test_smoothing_fills_from_two_ends),
+        cmocka_unit_test(test_threads_do_not_change_the_smoothing), cmocka_unit_test(test_choices_follow_the_surest_edges),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

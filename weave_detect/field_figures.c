@@ -1,0 +1,111 @@
+#include "weave_detect/field_figures.h"
+
+#include "core/memory.h"
+
+#include <stdlib.h>
+
+static int compare_floats(const void *a, const void *b)
+{
+    float x = *(const float *)a, y = *(const float *)b;
+    return (x > y) - (x < y);
+}
+
+static double quantile(float *value, size_t count, double q)
+{
+    if (count == 0) {
+        return NAN;
+    }
+    qsort(value, count, sizeof *value, compare_floats);
+    return (double)value[(size_t)(q * (double)(count - 1))];
+}
+
+int tsuya_field_index(const tsuya_field_view *f, const uint32_t vertex[3])
+{
+    double turn = 0.0, change = 0.0;
+    for (int k = 0; k < 3; k++) {
+        uint32_t v = vertex[k], u = vertex[(k + 1) % 3], e = tsuya_mesh_graph_find(f->graph, v, u);
+        if (e == UINT32_MAX) {
+            return 0;
+        }
+        double step = (double)f->graph->turn_rad[e]; /* u's angles plus this are v's */
+        double d = (double)f->weft_rad[u] + step - (double)f->weft_rad[v];
+        change += d - M_PI * round(d / M_PI);
+        turn += step;
+    }
+    turn -= 2.0 * M_PI * round(turn / (2.0 * M_PI));
+    return (int)lround((change - turn) / M_PI);
+}
+
+static int count_singularities(const tsuya_field_view *f)
+{
+    int count = 0;
+    for (size_t t = 0; t < f->mesh->triangle_count; t++) {
+        const uint32_t *v = f->mesh->triangle + 3 * t;
+        bool rim = f->graph->rim[v[0]] || f->graph->rim[v[1]] || f->graph->rim[v[2]];
+        count += !rim && tsuya_field_index(f, v) != 0;
+    }
+    return count;
+}
+
+static void areas(tsuya_weave_mesh_info *info, const tsuya_field_view *f)
+{
+    double all = 0.0, covered = 0.0, textured = 0.0;
+    for (size_t v = 0; v < f->mesh->vertex_count; v++) {
+        double area = (double)f->graph->area[v];
+        all += area;
+        covered += f->mesh->weave_confidence[v] >= 0.5f ? area : 0.0;
+        textured += f->evidence[v].confidence >= 0.5f || f->evidence[v].flow_weight > 0.1f ? area : 0.0;
+    }
+    info->covered_fraction = all > 0.0 ? covered / all : 0.0;
+    info->textured_fraction = all > 0.0 ? textured / all : 0.0;
+}
+
+tsuya_status tsuya_field_figures(tsuya_weave_mesh_info *info, const tsuya_field_view *f)
+{
+    tsuya_status status = TSUYA_OK;
+    size_t n = 0, count = f->mesh->vertex_count;
+    float *weft = NULL, *warp = NULL, *shear = NULL;
+    *info = (tsuya_weave_mesh_info){.photos = f->votes->photos, .patches = f->votes->patches, .threads_seen = f->threads_seen};
+    TSUYA_NEW(status, weft, count);
+    TSUYA_NEW(status, warp, count);
+    TSUYA_NEW(status, shear, count);
+    for (size_t v = 0; v < count; v++) {
+        const tsuya_evidence *e = &f->evidence[v];
+        if (f->threads_seen && f->mesh->weave_confidence[v] >= 0.5f) {
+            bool b = tsuya_line_difference((double)e->b_rad, (double)f->weft_rad[v]) <
+                     tsuya_line_difference((double)e->a_rad, (double)f->weft_rad[v]);
+            weft[n] = 1.0f / (b ? e->period_b : e->period_a);
+            warp[n] = 1.0f / (b ? e->period_a : e->period_b);
+            double between = tsuya_line_difference((double)f->weft_rad[v], (double)f->warp_rad[v]);
+            shear[n++] = (float)tsuya_deg_from_rad(0.5 * M_PI - between);
+        }
+    }
+    info->patches_sure = f->votes->patches > 0 ? (double)f->votes->sure / (double)f->votes->patches : 0.0;
+    info->threads_per_m_weft = quantile(weft, n, 0.5);
+    info->threads_per_m_warp = quantile(warp, n, 0.5);
+    info->shear_deg_median = quantile(shear, n, 0.5);
+    info->shear_deg_p90 = quantile(shear, n, 0.9);
+    info->singularities = count_singularities(f);
+    areas(info, f);
+done:
+    tsuya_free(weft);
+    tsuya_free(warp);
+    tsuya_free(shear);
+    return status;
+}
+
+void tsuya_weave_mesh_info_to_json(tsuya_json *figures, const tsuya_weave_mesh_info *info)
+{
+    tsuya_json_set_number(figures, "photos", info->photos);
+    tsuya_json_set_number(figures, "patches", (double)info->patches);
+    tsuya_json_set_number(figures, "patches_sure", info->patches_sure);
+    tsuya_json_set_number(figures, "covered_fraction", info->covered_fraction);
+    tsuya_json_set_number(figures, "textured_fraction", info->textured_fraction);
+    tsuya_json_set_bool(figures, "threads_seen", info->threads_seen);
+    tsuya_json_set_number(figures, "singularities", info->singularities);
+    tsuya_json_set_number(figures, "threads_per_m_weft", info->threads_per_m_weft);
+    tsuya_json_set_number(figures, "threads_per_m_warp", info->threads_per_m_warp);
+    tsuya_json_set_number(figures, "shear_deg_median", info->shear_deg_median);
+    tsuya_json_set_number(figures, "shear_deg_p90", info->shear_deg_p90);
+    tsuya_json_set_number(figures, "seconds", info->seconds);
+}

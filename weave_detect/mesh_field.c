@@ -1,0 +1,286 @@
+#include "weave_detect/mesh_field.h"
+
+#include "core/memory.h"
+#include "weave_detect/evidence.h"
+#include "weave_detect/field_figures.h"
+#include "weave_detect/smooth.h"
+#include "weave_detect/spanning.h"
+
+#include <string.h>
+
+/* Smoothing length of full evidence, in patch spacings; texture holds a tenth as strongly as threads. */
+static const double LENGTH = 0.35, FLOW_PULL = 0.1;
+static const double SEEN_FRACTION = 0.01; /* of the area with threads: below it the surface shows none */
+static const double PERIODS_DIFFER = 1.1;
+
+tsuya_weave_mesh_options tsuya_weave_mesh_options_default(void)
+{
+    return (tsuya_weave_mesh_options){.patch_px = 64, .step_px = 32};
+}
+
+typedef struct field {
+    tsuya_mesh *mesh;
+    const tsuya_weave_mesh_options *options;
+    const tsuya_context *context;
+    tsuya_votes votes;
+    tsuya_mesh_graph graph;
+    tsuya_evidence *evidence;
+    tsuya_complex *z, *target;
+    double *pull;
+    uint8_t *choice;
+    uint32_t *root;
+    tsuya_choice_edge *edge;
+    size_t edge_count;
+    float *weft_rad, *warp_rad;
+    bool threads_seen;
+} field;
+
+static double area_scale(const field *f, size_t v)
+{
+    double length = LENGTH * f->votes.spacing;
+    return (double)f->graph.area[v] / (length * length);
+}
+
+static void merge_all(field *f)
+{
+#pragma omp parallel for schedule(static) num_threads(f->context->threads)
+    for (long long v = 0; v < (long long)f->mesh->vertex_count; v++) {
+        tsuya_evidence_merge(&f->evidence[v], f->votes.vote + v * TSUYA_VOTES, f->votes.count[v]);
+    }
+    double seen = 0.0, all = 0.0;
+    for (size_t v = 0; v < f->mesh->vertex_count; v++) {
+        all += (double)f->graph.area[v];
+        seen += f->evidence[v].confidence >= 0.5f ? (double)f->graph.area[v] : 0.0;
+    }
+    f->threads_seen = seen > SEEN_FRACTION * all;
+}
+
+static void set_target(field *f, size_t v, double angle_rad, int fold, double pull)
+{
+    f->target[v] = (tsuya_complex){cos(fold * angle_rad), sin(fold * angle_rad)};
+    f->pull[v] = pull * area_scale(f, v);
+}
+
+/* Four-fold: where the cross of threads stands. */
+static tsuya_status solve_cross(field *f)
+{
+    for (size_t v = 0; v < f->mesh->vertex_count; v++) {
+        const tsuya_evidence *e = &f->evidence[v];
+        double a = 4.0 * (double)e->a_rad, b = 4.0 * (double)e->b_rad;
+        set_target(f, v, 0.25 * atan2(sin(a) + sin(b), cos(a) + cos(b)), 4, (double)e->weight);
+    }
+    memset(f->z, 0, f->mesh->vertex_count * sizeof *f->z);
+    return tsuya_smooth_directions(f->z, f->target, f->pull, NULL, 4, &f->graph, f->context);
+}
+
+static void set_angles(float *angle_rad, const tsuya_complex *z, int fold, size_t count)
+{
+    for (size_t v = 0; v < count; v++) {
+        angle_rad[v] = (float)(atan2(z[v].im, z[v].re) / fold);
+    }
+}
+
+/* The edges with, for each, whether the choices at its ends differ: an odd number of steps of π/2 (crosses) or of π (signs). */
+static void list_edges(field *f, const float *angle_rad, double step_rad)
+{
+    f->edge_count = 0;
+    for (uint32_t v = 0; v < f->mesh->vertex_count; v++) {
+        for (uint32_t e = f->graph.start[v]; e < f->graph.start[v + 1]; e++) {
+            uint32_t u = f->graph.neighbour[e];
+            if (u > v) {
+                double steps = ((double)angle_rad[u] + (double)f->graph.turn_rad[e] - (double)angle_rad[v]) / step_rad;
+                double nearest = round(steps), miss = fabs(steps - nearest);
+                double sure = fmin(hypot(f->z[u].re, f->z[u].im), hypot(f->z[v].re, f->z[v].im));
+                bool odd = fabs(fmod(nearest, 2.0)) > 0.5;
+                f->edge[f->edge_count++] = (tsuya_choice_edge){v, u, (float)(sure * (1.0 - 2.0 * miss)), odd};
+            }
+        }
+    }
+}
+
+/* Of the two lines of the evidence, the one nearer to `angle`: 0 a, 1 b. */
+static int nearer_family(const tsuya_evidence *e, double angle_rad)
+{
+    return tsuya_line_difference((double)e->b_rad, angle_rad) < tsuya_line_difference((double)e->a_rad, angle_rad);
+}
+
+static double angle_of(const field *f, size_t v, tsuya_vec3 direction, double *length)
+{
+    const float *n = f->mesh->normal + 3 * v;
+    tsuya_vec3 first, second;
+    tsuya_tangent_basis(&first, &second, (tsuya_vec3){(double)n[0], (double)n[1], (double)n[2]});
+    double x = tsuya_vec3_dot(direction, first), y = tsuya_vec3_dot(direction, second);
+    *length = hypot(x, y);
+    return atan2(y, x);
+}
+
+/* What speaks for the first axis of a vertex's cross being the weft: the user's direction, else the coarser threads (a warp is
+ * usually the denser), else the horizontal. */
+static double weft_hint(const field *f, size_t v)
+{
+    const tsuya_evidence *e = &f->evidence[v];
+    double angle = (double)f->weft_rad[v], length, weight = (double)e->weight * (double)f->graph.area[v];
+    if (f->options->has_weft) {
+        double wanted = angle_of(f, v, f->options->weft, &length);
+        return weight * length * cos(2.0 * (wanted - angle));
+    }
+    double ratio = (double)e->period_a > 0.0 ? (double)e->period_b / (double)e->period_a : 1.0;
+    int first = nearer_family(e, angle);
+    ratio = first ? 1.0 / fmax(ratio, 1e-9) : ratio; /* period of the second axis over that of the first */
+    double count = ratio > PERIODS_DIFFER ? -1.0 : ratio < 1.0 / PERIODS_DIFFER ? 1.0 : 0.0;
+    double upright = angle_of(f, v, f->votes.up, &length);
+    return weight * (10.0 * count - 0.1 * length * cos(2.0 * (upright - angle)));
+}
+
+/* Labels: every vertex's weft axis out of its cross, the same family all over a connected piece. */
+static tsuya_status label(field *f)
+{
+    size_t n = f->mesh->vertex_count;
+    tsuya_status status = TSUYA_OK;
+    double *hint = NULL;
+    set_angles(f->weft_rad, f->z, 4, n);
+    list_edges(f, f->weft_rad, 0.5 * M_PI);
+    TSUYA_GOTO_DONE(status, tsuya_spanning_choices(f->choice, f->root, f->edge, f->edge_count, n));
+    TSUYA_NEW(status, hint, n);
+    for (size_t v = 0; v < n; v++) {
+        hint[f->root[v]] += (f->choice[v] ? -1.0 : 1.0) * weft_hint(f, v);
+    }
+    for (size_t v = 0; v < n; v++) {
+        bool turned = f->choice[v] ^ (hint[f->root[v]] < 0.0);
+        f->weft_rad[v] += turned ? (float)(0.5 * M_PI) : 0.0f;
+        f->warp_rad[v] = f->weft_rad[v] + (float)(0.5 * M_PI);
+    }
+done:
+    tsuya_free(hint);
+    return status;
+}
+
+/* Smooths one family as a field of lines about its labels. */
+static tsuya_status solve_family(field *f, float *angle_rad)
+{
+    for (size_t v = 0; v < f->mesh->vertex_count; v++) {
+        const tsuya_evidence *e = &f->evidence[v];
+        double start = (double)angle_rad[v];
+        double own = (double)(nearer_family(e, start) ? e->b_rad : e->a_rad);
+        set_target(f, v, own, 2, (double)e->weight);
+        f->z[v] = (tsuya_complex){cos(2.0 * start), sin(2.0 * start)};
+    }
+    TSUYA_TRY(tsuya_smooth_directions(f->z, f->target, f->pull, NULL, 2, &f->graph, f->context));
+    set_angles(angle_rad, f->z, 2, f->mesh->vertex_count);
+    return TSUYA_OK;
+}
+
+/* No threads anywhere: along the texture. */
+static tsuya_status solve_flow(field *f)
+{
+    for (size_t v = 0; v < f->mesh->vertex_count; v++) {
+        const tsuya_evidence *e = &f->evidence[v];
+        set_target(f, v, (double)e->flow_rad, 2, FLOW_PULL * (double)e->flow_weight);
+    }
+    memset(f->z, 0, f->mesh->vertex_count * sizeof *f->z);
+    TSUYA_TRY(tsuya_smooth_directions(f->z, f->target, f->pull, NULL, 2, &f->graph, f->context));
+    set_angles(f->weft_rad, f->z, 2, f->mesh->vertex_count);
+    for (size_t v = 0; v < f->mesh->vertex_count; v++) {
+        f->warp_rad[v] = f->weft_rad[v] + (float)(0.5 * M_PI);
+    }
+    return TSUYA_OK;
+}
+
+static tsuya_status set_signs(field *f)
+{
+    size_t n = f->mesh->vertex_count;
+    list_edges(f, f->weft_rad, M_PI);
+    TSUYA_TRY(tsuya_spanning_choices(f->choice, f->root, f->edge, f->edge_count, n));
+    for (size_t v = 0; v < n; v++) {
+        f->weft_rad[v] += f->choice[v] ? (float)M_PI : 0.0f;
+    }
+    return TSUYA_OK;
+}
+
+/* Angles to vectors, and the confidence: that of the evidence, less where the smoothed field left it. */
+static void write_field(field *f)
+{
+    for (size_t v = 0; v < f->mesh->vertex_count; v++) {
+        const tsuya_evidence *e = &f->evidence[v];
+        const float *n = f->mesh->normal + 3 * v;
+        double angle = (double)f->weft_rad[v];
+        tsuya_vec3 first, second;
+        tsuya_tangent_basis(&first, &second, (tsuya_vec3){(double)n[0], (double)n[1], (double)n[2]});
+        tsuya_vec3 weft = tsuya_vec3_unit(tsuya_vec3_mad(tsuya_vec3_scale(first, cos(angle)), sin(angle), second));
+        f->mesh->weft[3 * v] = (float)weft.x;
+        f->mesh->weft[3 * v + 1] = (float)weft.y;
+        f->mesh->weft[3 * v + 2] = (float)weft.z;
+        double own = (double)(nearer_family(e, angle) ? e->b_rad : e->a_rad), left = tsuya_line_difference(own, angle);
+        double agree = exp(-0.5 * (left / 0.05) * (left / 0.05));
+        f->mesh->weave_confidence[v] = f->threads_seen ? (float)((double)e->confidence * agree) : 0.1f * e->confidence;
+    }
+}
+
+static tsuya_status allocate(field *f)
+{
+    tsuya_status status = TSUYA_OK;
+    size_t n = f->mesh->vertex_count;
+    TSUYA_NEW(status, f->evidence, n);
+    TSUYA_NEW(status, f->z, n);
+    TSUYA_NEW(status, f->target, n);
+    TSUYA_NEW(status, f->pull, n);
+    TSUYA_NEW(status, f->choice, n);
+    TSUYA_NEW(status, f->root, n);
+    TSUYA_NEW(status, f->weft_rad, n);
+    TSUYA_NEW(status, f->warp_rad, n);
+    TSUYA_NEW(status, f->edge, n > 0 ? f->graph.start[n] / 2 + 1 : 1);
+done:
+    return status;
+}
+
+static void free_field(field *f)
+{
+    tsuya_votes_free(&f->votes);
+    tsuya_mesh_graph_free(&f->graph);
+    tsuya_free(f->evidence);
+    tsuya_free(f->z);
+    tsuya_free(f->target);
+    tsuya_free(f->pull);
+    tsuya_free(f->choice);
+    tsuya_free(f->root);
+    tsuya_free(f->weft_rad);
+    tsuya_free(f->warp_rad);
+    tsuya_free(f->edge);
+}
+
+static tsuya_status solve(field *f)
+{
+    if (!f->threads_seen) {
+        TSUYA_TRY(solve_flow(f));
+        return set_signs(f);
+    }
+    TSUYA_TRY(solve_cross(f));
+    TSUYA_TRY(label(f));
+    TSUYA_TRY(solve_family(f, f->warp_rad));
+    TSUYA_TRY(solve_family(f, f->weft_rad));
+    return set_signs(f);
+}
+
+tsuya_status tsuya_weave_mesh(tsuya_mesh *mesh, tsuya_weave_mesh_info *info, const tsuya_weave_mesh_options *options,
+                              const tsuya_context *context)
+{
+    field f = {.mesh = mesh, .options = options, .context = context};
+    double begin = tsuya_clock_s();
+    tsuya_status status = TSUYA_OK;
+    if (!mesh->normal) {
+        TSUYA_TRY(tsuya_mesh_compute_normals(mesh));
+    }
+    TSUYA_TRY(tsuya_mesh_add_arrays(mesh, TSUYA_MESH_WEFT | TSUYA_MESH_CONFIDENCE));
+    TSUYA_GOTO_DONE(status, tsuya_mesh_graph_create(&f.graph, mesh));
+    TSUYA_GOTO_DONE(status, allocate(&f));
+    TSUYA_GOTO_DONE(status, tsuya_votes_gather(&f.votes, mesh, options, context));
+    merge_all(&f);
+    TSUYA_GOTO_DONE(status, solve(&f));
+    write_field(&f);
+    tsuya_field_view view = {mesh, &f.graph, &f.votes, f.evidence, f.weft_rad, f.warp_rad, f.threads_seen};
+    TSUYA_GOTO_DONE(status, tsuya_field_figures(info, &view));
+    info->seconds = tsuya_clock_s() - begin;
+done:
+    free_field(&f);
+    return status;
+}

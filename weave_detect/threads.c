@@ -1,0 +1,26 @@
+#include "weave_detect/threads.h"
+
+#include <math.h>
+
+#ifndef M_PI
+#define M_PI 3.14159265358979323846
+#endif
+
+const char *tsuya_weave_kind_name(tsuya_weave_kind kind)
+{
+    static const char *const names[] = {"unknown", "plain", "twill", "satin"};
+    return names[kind];
+}
+
+double tsuya_line_wrap(double angle_rad)
+{
+    double a = fmod(angle_rad, M_PI);
+    a = a < 0.0 ? a + M_PI : a;
+    return a >= M_PI ? 0.0 : a;
+}
+
+double tsuya_line_difference(double a_rad, double b_rad)
+{
+    double d = tsuya_line_wrap(a_rad - b_rad);
+    return fmin(d, M_PI - d);
+}
