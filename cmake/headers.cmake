@@ -21,6 +21,7 @@ set(TSUYA_PUBLIC_HEADERS
   reconstruct/color.h
   reconstruct/fusion.h
   reconstruct/mesh_distance.h
+  reconstruct/reconstruct.h
   reconstruct/silhouette.h
   reconstruct/stereo.h
   reconstruct/surface.h

@@ -3,6 +3,7 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/file.h>
@@ -62,12 +63,14 @@ bool tsuya_path_is_folder(const char *path)
     return stat(path, &status) == 0 && S_ISDIR(status.st_mode);
 }
 
+/* Hidden, so that what a killed program leaves is no entry of a folder of photographs. */
 tsuya_status tsuya_file_temporary_name(char **temporary, const char *path)
 {
-    char suffix[64];
-    const char *extension = tsuya_path_extension(path);
-    snprintf(suffix, sizeof suffix, ".tmp-%ld%.24s", (long)getpid(), extension);
-    *temporary = format_path("%s%s", path, suffix);
+    char name[NAME_MAX + 1];
+    snprintf(name, sizeof name, ".%.200s.tmp-%ld%.24s", tsuya_path_name(path), (long)getpid(), tsuya_path_extension(path));
+    char *folder = tsuya_path_folder(path);
+    *temporary = folder ? tsuya_path_join(folder, name) : NULL;
+    tsuya_free(folder);
     return *temporary ? TSUYA_OK : TSUYA_ERROR_MEMORY;
 }
 

@@ -7,8 +7,8 @@
 #include <stdint.h>
 #include <stdio.h>
 
-/* Atomic write: bytes go to PATH.tmp-PID beside the target, which is renamed on commit (fsync before), so that a file with
- * its final name is whole.  After a failed commit, and after abort, nothing is left. */
+/* Atomic write: bytes go to the hidden .NAME.tmp-PID beside the target, which is renamed on commit (fsync before), so that a
+ * file with its final name is whole.  After a failed commit, and after abort, nothing is left. */
 typedef struct tsuya_file_writer {
     FILE *stream; /* write here */
     char *path, *temporary;
@@ -17,7 +17,7 @@ TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_file_begin(tsuya_file_writer *writ
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_file_commit(tsuya_file_writer *writer); /* also says "no space left" */
 TSUYA_API void tsuya_file_abort(tsuya_file_writer *writer); /* safe after commit */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_file_write(const char *path, const void *bytes, size_t size);
-/* For libraries that write by name: a temporary name beside PATH that keeps its extension, and the rename. */
+/* For libraries that write by name: a hidden temporary name beside PATH that keeps its extension, and the rename. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_file_temporary_name(char **temporary, const char *path);
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_file_rename_into_place(const char *temporary, const char *path);
 

@@ -69,19 +69,26 @@ static int edit_distance(const char *a, const char *b)
     return row[columns];
 }
 
+/* One word begins with the other: "theta_i" for "theta_i_deg". */
+static bool is_beginning(const char *a, const char *b)
+{
+    size_t length = strnlen(a, strlen(b));
+    return length >= 3 && strncmp(a, b, length) == 0;
+}
+
 const char *tsuya_nearest_name(const char *name, const char *const *names)
 {
     const char *best = NULL;
-    int least = 0;
+    int least = 0, most = (int)strlen(name);
+    most = most < 4 ? 1 : most / 2;
     for (; *names; names++) {
         int distance = edit_distance(name, *names);
-        if (!best || distance < least) {
+        if ((distance <= most || is_beginning(name, *names)) && (!best || distance < least)) {
             best = *names;
             least = distance;
         }
     }
-    size_t length = strlen(name);
-    return best && least <= (length < 4 ? 1 : (int)(length / 2)) ? best : NULL;
+    return best;
 }
 
 typedef struct parser {
@@ -103,11 +110,10 @@ static char *next_line(parser *p)
     }
     char *end = strchr(line, '\n');
     p->at = end ? end + 1 : line + strlen(line);
-    if (end) {
-        *end = '\0';
-        if (end > line && end[-1] == '\r') {
-            end[-1] = '\0';
-        }
+    end = end ? end : p->at;
+    *end = '\0';
+    if (end > line && end[-1] == '\r') {
+        end[-1] = '\0';
     }
     p->line++;
     return line;
@@ -153,7 +159,8 @@ static tsuya_status split_commas(parser *p, char *line)
     for (char *at = line;;) {
         at += strspn(at, " \t");
         char *cell = at, *after;
-        if (*at == '"') {
+        bool quoted = *at == '"';
+        if (quoted) {
             after = unquote(at);
             after = after ? after + strspn(after, " \t") : NULL;
             if (!after || (*after != ',' && *after != '\0')) {
@@ -164,7 +171,7 @@ static tsuya_status split_commas(parser *p, char *line)
         }
         bool last = *after == '\0';
         *after = '\0';
-        TSUYA_TRY(add_cell(p, *cell == '"' ? cell : trimmed(cell)));
+        TSUYA_TRY(add_cell(p, quoted ? cell : trimmed(cell)));
         if (last) {
             return TSUYA_OK;
         }
@@ -333,9 +340,12 @@ static tsuya_status take_line(tsuya_table *table, parser *p, char *line, const t
         return TSUYA_OK;
     }
     if (*start == '#') {
-        bool header = p->vnlog && !table->column && start[1] != '#' && start[1] != '!';
-        return header ? (split_blanks(p, start + 1) == TSUYA_OK ? take_header(table, p, options) : TSUYA_ERROR_INPUT)
-                      : keep_comments(table, p, start + 1);
+        bool header = p->vnlog && !table->column && start[1] != '#' && start[1] != '!' && start[1 + strspn(start + 1, " \t")] != '\0';
+        if (!header) {
+            return keep_comments(table, p, start + 1);
+        }
+        TSUYA_TRY(split_blanks(p, start + 1));
+        return take_header(table, p, options);
     }
     TSUYA_TRY(p->vnlog ? split_blanks(p, start) : split_commas(p, start));
     if (table->column) {

@@ -44,7 +44,8 @@ static inline double tsuya_table_at(const tsuya_table *t, size_t row, int column
 /* A whole text as a finite number; false on anything else ("1e5x", "", "nan"). */
 TSUYA_API bool tsuya_parse_number(double *number, const char *text);
 TSUYA_API bool tsuya_parse_int(long long *number, const char *text);
-/* The nearest of NULL-terminated `names` by edit distance, for messages; NULL when none is near. */
+/* The nearest of NULL-terminated `names` by edit distance, for messages; one that begins with `name` or that `name` begins
+ * with counts as near; NULL when none is. */
 TSUYA_API const char *tsuya_nearest_name(const char *name, const char *const *names);
 
 #endif

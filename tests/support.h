@@ -2,6 +2,7 @@
 #ifndef TSUYA_TESTS_SUPPORT_H
 #define TSUYA_TESTS_SUPPORT_H
 
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -70,6 +71,15 @@ static inline const char *test_path(const char *name)
         tsuya_status assert_status_ = (expression);                                   \
         if (assert_status_ != TSUYA_OK) {                                             \
             fail_msg("%s: %s", #expression, tsuya_reason());                          \
+        }                                                                             \
+    } while (0)
+
+/* Doubles within a tolerance (cmocka's own macro compares floats). */
+#define assert_near(value, expected, tolerance)                                       \
+    do {                                                                              \
+        double near_value_ = (value), near_expected_ = (expected);                    \
+        if (!(fabs(near_value_ - near_expected_) <= (tolerance))) {                   \
+            fail_msg("%s: %.17g, %.17g was expected", #value, near_value_, near_expected_); \
         }                                                                             \
     } while (0)
 
