@@ -25,9 +25,14 @@ static tsuya_json *value_of(cJSON *item)
     return (tsuya_json *)item;
 }
 
+/* cJSON reports a lack of memory and bad text alike; this tells them apart. */
+static _Thread_local bool allocation_failed;
+
 static void *allocate(size_t bytes)
 {
-    return tsuya_calloc(bytes, 1);
+    void *memory = tsuya_calloc(bytes, 1);
+    allocation_failed = allocation_failed || !memory;
+    return memory;
 }
 
 static void install_hooks(void)
@@ -74,7 +79,11 @@ tsuya_status tsuya_json_parse(tsuya_json **root, const char *text, const char *n
         return tsuya_fail(TSUYA_ERROR_INPUT, "%s: nested %d deep, at most %d is accepted", name, depth, DEEPEST);
     }
     const char *end = NULL;
+    allocation_failed = false;
     cJSON *item = cJSON_ParseWithOpts(text, &end, 1);
+    if (!item && allocation_failed) {
+        return TSUYA_ERROR_MEMORY;
+    }
     if (!item) {
         int line = 1;
         for (const char *p = text; end && p < end && *p; p++) {

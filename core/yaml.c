@@ -12,7 +12,7 @@
 #include <string.h>
 #include <yaml.h>
 
-enum { LARGEST_FILE = 16 << 20, MOST_FIELDS = 128 };
+enum { LARGEST_FILE = 16 << 20, MOST_FIELDS = 128, DEEPEST = 64 };
 
 typedef struct loader {
     yaml_document_t document;
@@ -180,12 +180,43 @@ static tsuya_status take_mapping(loader *l, yaml_node_t *node, void *record, siz
     return TSUYA_OK;
 }
 
-/* Aliases let a small file stand for a large tree, or for one without end. */
-static tsuya_status refuse_aliases(const char *text, size_t size, const char *name)
+typedef struct stream_check {
+    int documents, depth;
+} stream_check;
+
+/* Aliases let a small file stand for a large tree, or for one without end; libyaml's time grows with the square of the depth;
+ * a second document would be passed over. */
+static tsuya_status check_event(stream_check *check, const yaml_event_t *event, const char *name)
+{
+    const yaml_char_t *anchor = event->type == YAML_SCALAR_EVENT         ? event->data.scalar.anchor
+                              : event->type == YAML_SEQUENCE_START_EVENT ? event->data.sequence_start.anchor
+                              : event->type == YAML_MAPPING_START_EVENT  ? event->data.mapping_start.anchor
+                                                                         : NULL;
+    int line = (int)event->start_mark.line + 1;
+    if (anchor) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: line %d: an anchor (&%.40s); values written out are accepted", name, line, (const char *)anchor);
+    }
+    if (event->type == YAML_ALIAS_EVENT) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: line %d: an alias (*name); values written out are accepted", name, line);
+    }
+    check->depth += event->type == YAML_SEQUENCE_START_EVENT || event->type == YAML_MAPPING_START_EVENT;
+    check->depth -= event->type == YAML_SEQUENCE_END_EVENT || event->type == YAML_MAPPING_END_EVENT;
+    if (check->depth > DEEPEST) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: line %d: nested more than %d deep", name, line, DEEPEST);
+    }
+    check->documents += event->type == YAML_DOCUMENT_START_EVENT;
+    if (check->documents > 1) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: line %d: a second document; one is accepted", name, line);
+    }
+    return TSUYA_OK;
+}
+
+static tsuya_status check_stream(const char *text, size_t size, const char *name)
 {
     yaml_parser_t parser;
     yaml_event_t event;
     tsuya_status status = TSUYA_OK;
+    stream_check check = {0};
     if (!yaml_parser_initialize(&parser)) {
         return tsuya_fail(TSUYA_ERROR_MEMORY, "%s: out of memory", name);
     }
@@ -194,10 +225,7 @@ static tsuya_status refuse_aliases(const char *text, size_t size, const char *na
         if (!yaml_parser_parse(&parser, &event)) {
             break; /* the loader says what is wrong */
         }
-        if (event.type == YAML_ALIAS_EVENT) {
-            status = tsuya_fail(TSUYA_ERROR_INPUT, "%s: line %d: an alias (*name); values written out are accepted", name,
-                                (int)event.start_mark.line + 1);
-        }
+        status = check_event(&check, &event, name);
         more = event.type != YAML_STREAM_END_EVENT;
         yaml_event_delete(&event);
     }
@@ -210,7 +238,7 @@ static tsuya_status parse(void *record, size_t size, const tsuya_yaml_field *fie
 {
     loader l = {.name = name, .arena = arena};
     yaml_parser_t parser;
-    TSUYA_TRY(refuse_aliases(text, length, name));
+    TSUYA_TRY(check_stream(text, length, name));
     if (!yaml_parser_initialize(&parser)) {
         return tsuya_fail(TSUYA_ERROR_MEMORY, "%s: out of memory", name);
     }

@@ -1,8 +1,8 @@
 /* YAML files read by a schema (libyaml behind one adapter).
  *
  * The schema is a table of keys; the reader refuses unknown keys (naming the nearest known one), wrong types and missing
- * keys with file, line and key.  Strings and arrays live in the caller's arena.  Anchors and aliases are refused; files
- * above 16 MiB too. */
+ * keys with file, line and key.  Strings and arrays live in the caller's arena.  Anchors, aliases, a second
+ * document and files above 16 MiB are refused. */
 #ifndef TSUYA_CORE_YAML_H
 #define TSUYA_CORE_YAML_H
 
