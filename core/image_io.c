@@ -117,7 +117,24 @@ static bool probe_jpeg(const char *b, size_t size, bool whole, int *width, int *
     return at + 2 <= size && u8(b)[at] == 0xff && u8(b)[at + 1] == 0xd9 && *width > 0;
 }
 
-/* PNG chunks from the header to IEND. */
+/* CRC-32 of PNG (ISO 15948, D). */
+static uint32_t crc32(const char *bytes, size_t size)
+{
+    uint32_t table[256], crc = UINT32_MAX;
+    for (uint32_t i = 0; i < 256; i++) {
+        uint32_t c = i;
+        for (int k = 0; k < 8; k++) {
+            c = c & 1 ? 0xedb88320u ^ c >> 1 : c >> 1;
+        }
+        table[i] = c;
+    }
+    for (size_t i = 0; i < size; i++) {
+        crc = table[(crc ^ u8(bytes)[i]) & 0xff] ^ crc >> 8;
+    }
+    return ~crc;
+}
+
+/* PNG chunks from the header to IEND; the checksums of those that the picture is made of. */
 static bool probe_png(const char *b, size_t size, bool whole, int *width, int *height)
 {
     if (size < 33 || memcmp(b + 12, "IHDR", 4) != 0 || big(b + 16, 4) > INT32_MAX || big(b + 20, 4) > INT32_MAX) {
@@ -127,6 +144,11 @@ static bool probe_png(const char *b, size_t size, bool whole, int *width, int *h
     *height = (int)big(b + 20, 4);
     for (size_t at = 8; whole; at += 12 + (size_t)big(b + at, 4)) {
         if (at + 12 > size || big(b + at, 4) > size - at - 12) {
+            return false;
+        }
+        size_t length = 4 + (size_t)big(b + at, 4);
+        bool critical = !(b[at + 4] & 0x20);
+        if (critical && crc32(b + at + 4, length) != big(b + at + 4 + length, 4)) {
             return false;
         }
         if (memcmp(b + at + 4, "IEND", 4) == 0) {

@@ -24,7 +24,7 @@ static exr_context_initializer_t initializer(void)
 
 static tsuya_status fail_exr(tsuya_status status, const char *path, exr_result_t code)
 {
-    return tsuya_fail(status, "%s: EXR: %s", path, exr_get_default_error_message(code));
+    return tsuya_fail(code == EXR_ERR_OUT_OF_MEMORY ? TSUYA_ERROR_MEMORY : status, "%s: EXR: %s", path, exr_get_default_error_message(code));
 }
 
 static tsuya_status open_exr(exr_context_t *file, exr_attr_box2i_t *window, const char *path)

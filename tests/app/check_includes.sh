@@ -20,7 +20,7 @@ find app brdf calib capture core reconstruct render weave_detect tests \
                   "pwd sched setjmp signal spawn stdalign stdarg stdatomic stdbool stddef stdint stdio stdlib string strings termios " \
                   "time unistd argp glob libgen malloc cmocka wchar", names, " ")
         for (i = 1; i <= n; i++) system_header[names[i] ".h"] = 1
-        n = split("algorithm array atomic cmath cstddef cstdint cstdio cstdlib cstring exception limits map memory mutex new set sstream " \
+        n = split("algorithm array iostream atomic cmath cstddef cstdint cstdio cstdlib cstring exception limits map memory mutex new set sstream " \
                   "stdexcept string unordered_map unordered_set utility vector functional numeric random", names, " ")
         for (i = 1; i <= n; i++) system_header[names[i]] = 1
     }
