@@ -147,8 +147,11 @@ static bool probe_png(const char *b, size_t size, bool whole, int *width, int *h
             return false;
         }
         size_t length = 4 + (size_t)big(b + at, 4);
-        bool critical = !(b[at + 4] & 0x20);
-        if (critical && crc32(b + at + 4, length) != big(b + at + 4 + length, 4)) {
+        bool critical = !(b[at + 4] & 0x20), letters = true;
+        for (size_t k = at + 4; k < at + 8; k++) {
+            letters = letters && ((b[k] >= 'A' && b[k] <= 'Z') || (b[k] >= 'a' && b[k] <= 'z'));
+        }
+        if (!letters || (critical && crc32(b + at + 4, length) != big(b + at + 4 + length, 4))) {
             return false;
         }
         if (memcmp(b + at + 4, "IEND", 4) == 0) {
@@ -237,10 +240,10 @@ static tsuya_status probe_bytes(const char *b, size_t size, format kind, bool wh
     default:
         return tsuya_fail(TSUYA_ERROR_INPUT, "%s: not an image; JPEG, PNG, TIFF, EXR, BMP, WebP and camera raw are accepted", path);
     }
-    if (!fine) {
-        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: the image is truncated or damaged", path);
+    if (fine || (*width > 0 && *height > 0)) { /* a size that nobody wants is said first */
+        TSUYA_TRY(check_size(*width, *height, path));
     }
-    return check_size(*width, *height, path);
+    return fine ? TSUYA_OK : tsuya_fail(TSUYA_ERROR_INPUT, "%s: the image is truncated or damaged", path);
 }
 
 tsuya_status tsuya_image_probe(int *width_px, int *height_px, const char *path)
