@@ -136,11 +136,13 @@ static void test_renders_show_cloth(void **state)
     assert_ok(tsuya_folder_list(&names, &count, in_job(job_folder, "render/turntable"), arena));
     for (int i = 0; i < count; i++) {
         tsuya_image image;
+        char name[TEST_PATH];
         const char *extension = tsuya_path_extension(names[i]);
         if (strcmp(extension, ".png") != 0 && strcmp(extension, ".exr") != 0) {
             continue;
         }
-        assert_ok(tsuya_image_load(&image, in_job(in_job(job_folder, "render/turntable"), names[i])));
+        snprintf(name, sizeof name, "render/turntable/%s", names[i]);
+        assert_ok(tsuya_image_load(&image, in_job(job_folder, name)));
         assert_int_equal(image.width_px, 180);
         assert_int_equal(image.height_px, 240);
         float low = 1e9f, high = -1e9f;
