@@ -1,7 +1,9 @@
 #include "app/command.h"
 
 const tsuya_command tsuya_commands[] = {
+    {"demo", "makes photographs of a cloth it knows, runs a job on them, compares with the truth", tsuya_command_demo},
     {"run", "runs the stages of a JOB.yaml that are not done yet, and writes the report", tsuya_command_run},
+    {"capture check", "which photographs to take again, and why", tsuya_command_capture_check},
     {"reconstruct", "photographs to a cloud and a surface", tsuya_command_reconstruct},
     {"weave image", "thread directions, periods and confidence of a photograph, patch by patch", tsuya_command_weave_image},
     {"weave mesh", "lifts the threads of all photographs to one weft field on the surface", tsuya_command_weave_mesh},
@@ -12,6 +14,6 @@ const tsuya_command tsuya_commands[] = {
 
 /* Commands of the interface that later versions bring. */
 const char *const tsuya_later_commands[] = {
-    "demo", "capture check", "capture target", "capture simulate", "calib camera", "calib compare", "calib light", "calib color", "brdf fit",
+    "capture target", "capture simulate", "calib camera", "calib compare", "calib light", "calib color", "brdf fit",
     "brdf compare", "brdf plan", "brdf predict", "brdf plot", "brdf export", "bench", NULL,
 };

@@ -219,6 +219,9 @@ done:
 static tsuya_status load(comparison *c, const tsuya_job *job, const char *truth_folder)
 {
     const char *sparse = tsuya_job_path(job, "reconstruct/sparse/0"), *mesh = tsuya_job_path(job, "weave/weave.ply");
+    if (mesh && !tsuya_path_exists(mesh)) {
+        mesh = tsuya_job_path(job, "reconstruct/mesh.ply"); /* a job without a weft field */
+    }
     const char *true_sparse = tsuya_arena_printf(job->arena, "%s/sparse", truth_folder);
     const char *true_mesh = tsuya_arena_printf(job->arena, "%s/mesh.ply", truth_folder);
     if (!sparse || !mesh || !true_sparse || !true_mesh) {

@@ -1,0 +1,118 @@
+/* tsuya demo [DIR] */
+#include "app/command.h"
+#include "app/runner.h"
+#include "app/terminal.h"
+#include "app/truth.h"
+#include "capture/studio_session.h"
+#include "core/file.h"
+
+#include <stdio.h>
+
+static error_t parse_demo(int key, char *arg, struct argp_state *state)
+{
+    const char **folder = state->input;
+    if (key != ARGP_KEY_ARG) {
+        return ARGP_ERR_UNKNOWN;
+    }
+    if (*folder) {
+        argp_error(state, "'%s': one folder only", arg);
+    }
+    *folder = arg;
+    return 0;
+}
+
+static const tsuya_syntax demo_syntax = {
+    .arguments = "[DIR]",
+    .example = "tsuya demo demo",
+    .doc = "Photographs a draped cloth whose shape and threads it knows, runs the whole job on those photographs alone, and holds the "
+           "result against the truth.\vDIR (default: demo) is new or of an earlier demo. Results: DIR/report/index.html, DIR/demo.json; the "
+           "photographs in DIR/photos, the truth in DIR/truth.",
+    .parse = parse_demo,
+};
+
+/* Times beside errors: seconds by stage, and the highest memory. */
+static void add_costs(tsuya_json *figures, const tsuya_json *result, double photographs_s, double seconds)
+{
+    double peak_mb = tsuya_peak_memory_mb();
+    tsuya_json *stages = tsuya_json_set_object(figures, "stages");
+    tsuya_json_set_number(stages, "photographs", photographs_s);
+    const tsuya_json *list = tsuya_json_member(result, "stages");
+    for (const tsuya_json *s = tsuya_json_first(list); s; s = tsuya_json_next(s)) {
+        double stage_mb = tsuya_json_number_or(tsuya_json_member(s, "peak_mb"), 0.0);
+        tsuya_json_set_number(stages, tsuya_json_key(s), tsuya_json_number_or(tsuya_json_member(s, "seconds"), 0.0));
+        peak_mb = stage_mb > peak_mb ? stage_mb : peak_mb;
+    }
+    tsuya_json_set_number(figures, "seconds", seconds);
+    tsuya_json_set_number(figures, "peak_mb", peak_mb);
+}
+
+static tsuya_status compare(tsuya_json *figures, const tsuya_job *job, const char *folder, const tsuya_context *context)
+{
+    tsuya_state state;
+    char *truth = tsuya_path_join(folder, "truth");
+    if (!truth) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    tsuya_status status = tsuya_state_load(&state, job->folder, job->name);
+    if (status == TSUYA_OK) {
+        status = tsuya_truth_compare(figures, job, &state, truth, context);
+        tsuya_state_free(&state);
+    }
+    tsuya_free(truth);
+    return status;
+}
+
+/* The job, the comparison, and the report once more so that it holds the comparison. */
+static tsuya_status run_job(tsuya_json *figures, const char *folder, double photographs_s, double start_s, const tsuya_context *context)
+{
+    tsuya_job job = {0};
+    tsuya_json *result = tsuya_json_create_object(), *again = tsuya_json_create_object();
+    tsuya_runner_options options = tsuya_runner_options_default();
+    char *path = tsuya_path_join(folder, "JOB.yaml"), *demo = tsuya_path_join(folder, "demo.json");
+    tsuya_status status = result && again && path && demo ? TSUYA_OK : TSUYA_ERROR_MEMORY;
+    TSUYA_GOTO_DONE(status, status);
+    TSUYA_GOTO_DONE(status, tsuya_job_load(&job, path, NULL));
+    TSUYA_GOTO_DONE(status, tsuya_runner_run(result, &job, &options, context));
+    TSUYA_GOTO_DONE(status, compare(figures, &job, folder, context));
+    add_costs(figures, result, photographs_s, tsuya_clock_s() - start_s);
+    TSUYA_GOTO_DONE(status, tsuya_json_save(figures, demo));
+    TSUYA_GOTO_DONE(status, tsuya_runner_run(again, &job, &options, context));
+    tsuya_terminal_log("report: %s/report/index.html", job.folder);
+done:
+    tsuya_job_free(&job);
+    tsuya_json_free(result);
+    tsuya_json_free(again);
+    tsuya_free(path);
+    tsuya_free(demo);
+    return status;
+}
+
+static tsuya_status demo(tsuya_json *figures, const char *folder, const tsuya_context *context)
+{
+    tsuya_studio_session session = tsuya_studio_session_default();
+    tsuya_lock lock;
+    double start_s = tsuya_clock_s();
+    TSUYA_TRY(tsuya_folder_make(folder));
+    TSUYA_TRY(tsuya_lock_take(&lock, folder));
+    tsuya_status status = tsuya_studio_session_write(&session, folder, context);
+    tsuya_lock_release(&lock); /* the job takes it for itself */
+    if (status == TSUYA_OK) {
+        status = run_job(figures, folder, tsuya_clock_s() - start_s, start_s, context);
+    }
+    return status;
+}
+
+int tsuya_command_demo(int argc, char **argv)
+{
+    tsuya_common common;
+    const char *folder = NULL;
+    tsuya_command_parse(&demo_syntax, &common, &folder, argc, argv);
+    tsuya_context context = tsuya_command_context(&common);
+    tsuya_json *figures = tsuya_json_create_object();
+    tsuya_status status = figures ? demo(figures, folder ? folder : "demo", &context) : TSUYA_ERROR_MEMORY;
+    if (status == TSUYA_OK) {
+        status = tsuya_command_figures(&common, figures);
+    }
+    tsuya_json_free(figures);
+    return status == TSUYA_OK ? TSUYA_EXIT_OK : tsuya_command_failed(status);
+}

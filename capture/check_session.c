@@ -1,0 +1,271 @@
+/* Photographs against each other: who sees what others see, as bright and as coloured as they see it.
+ *
+ * Exposure and white balance: on the features that two photographs share, the median ratio of their colours; then one gain a
+ * photograph and channel that explains all ratios best (least squares), the session's median as zero. */
+#include "capture/check_photo.h"
+
+#include "core/memory.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { SWEEPS = 500, WINDOW = 8, ALL_PAIRS_BELOW = 61, FEWEST_RATIOS = 10 };
+static const double TOLERANCE_SHARE = 0.003;   /* of the longer side: two-view geometry */
+static const double SAME_VIEW_SHARE = 0.004;   /* features of the same view move less */
+static const double SAME_VIEW_FEATURES = 0.35; /* of the fewer features of both */
+
+typedef struct relation {
+    int shared;
+    double ratio[3];   /* log2 of i's colours over j's; NaN where too few */
+    double moved;      /* median way of the features, share of the longer side */
+} relation;
+
+static int compare_double(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static double median_of(double *value, int count)
+{
+    qsort(value, (size_t)count, sizeof *value, compare_double);
+    return count == 0 ? NAN : count % 2 ? value[count / 2] : 0.5 * (value[count / 2 - 1] + value[count / 2]);
+}
+
+static bool usable(const float *color, int c) { return color[c] > 0.004f && color[c] < 0.95f; }
+
+static void relate(relation *r, const tsuya_check_sight *a, const tsuya_check_sight *b, const tsuya_feature_pair *pair, double *list)
+{
+    for (int c = 0; c < 3; c++) {
+        int n = 0;
+        for (int k = 0; k < r->shared; k++) {
+            const float *from = a->color + 3 * pair[k].a, *to = b->color + 3 * pair[k].b;
+            if (usable(from, c) && usable(to, c)) {
+                list[n++] = log2((double)(from[c] / to[c]));
+            }
+        }
+        r->ratio[c] = n >= FEWEST_RATIOS ? median_of(list, n) : NAN;
+    }
+    for (int k = 0; k < r->shared; k++) {
+        double ax, ay, bx, by;
+        tsuya_features_place(a->features, pair[k].a, &ax, &ay);
+        tsuya_features_place(b->features, pair[k].b, &bx, &by);
+        list[k] = hypot(ax / a->work_long_side_px - bx / b->work_long_side_px, ay / a->work_long_side_px - by / b->work_long_side_px);
+    }
+    r->moved = median_of(list, r->shared);
+}
+
+/* All pairs of a small session; of a large one those close in the order of their names, which is the order of taking. */
+static bool is_candidate(int i, int j, int count) { return count < ALL_PAIRS_BELOW || j - i <= WINDOW || i + count - j <= WINDOW; }
+
+static tsuya_status match_pairs(relation *relations, const tsuya_check *check, const tsuya_check_sight *sight, const tsuya_check_options *options,
+                                const tsuya_context *context)
+{
+    tsuya_status status = TSUYA_OK;
+    tsuya_feature_pair *pair = NULL;
+    double *list = NULL;
+    TSUYA_NEW(status, pair, (size_t)options->features * 4);
+    TSUYA_NEW(status, list, (size_t)options->features * 4);
+    for (int i = 0; i < check->count; i++) {
+        tsuya_progress_update(context, "overlaps", i, check->count, NULL);
+        TSUYA_GOTO_DONE(status, tsuya_check_interrupt());
+        for (int j = i + 1; j < check->count; j++) {
+            if (!sight[i].features || !sight[j].features || !is_candidate(i, j, check->count)) {
+                continue;
+            }
+            relation *r = &relations[i * check->count + j];
+            TSUYA_GOTO_DONE(status, tsuya_features_match(pair, &r->shared, sight[i].features, sight[j].features,
+                                                         TOLERANCE_SHARE * sight[i].work_long_side_px));
+            relate(r, &sight[i], &sight[j], pair, list);
+            relation *back = &relations[j * check->count + i];
+            *back = *r;
+            for (int c = 0; c < 3; c++) {
+                back->ratio[c] = -r->ratio[c];
+            }
+        }
+    }
+    tsuya_progress_update(context, "overlaps", check->count, check->count, NULL);
+done:
+    tsuya_free(pair);
+    tsuya_free(list);
+    return status;
+}
+
+/* Gauss–Seidel on the normal equations of Σ w (x_i − x_j − d_ij)². */
+static void solve_gains(double *gain, const relation *relations, int count, int channel, int fewest)
+{
+    for (int i = 0; i < count; i++) {
+        gain[i] = 0.0;
+    }
+    for (int sweep = 0; sweep < SWEEPS; sweep++) {
+        for (int i = 0; i < count; i++) {
+            double sum = 0.0, weight = 0.0;
+            for (int j = 0; j < count; j++) {
+                const relation *r = &relations[i * count + j];
+                if (j != i && r->shared >= fewest && isfinite(r->ratio[channel])) {
+                    sum += r->shared * (gain[j] + r->ratio[channel]);
+                    weight += r->shared;
+                }
+            }
+            gain[i] = weight > 0.0 ? sum / weight : 0.0;
+        }
+    }
+}
+
+static void centre(double *value, double *list, const tsuya_check *check)
+{
+    int n = 0;
+    for (int i = 0; i < check->count; i++) {
+        if (check->photo[i].neighbours > 0) {
+            list[n++] = value[i];
+        }
+    }
+    double middle = n > 0 ? median_of(list, n) : 0.0;
+    for (int i = 0; i < check->count; i++) {
+        value[i] = check->photo[i].neighbours > 0 ? value[i] - middle : NAN;
+    }
+}
+
+static tsuya_status set_gains(tsuya_check *check, const relation *relations, int fewest)
+{
+    tsuya_status status = TSUYA_OK;
+    double *gain = NULL;
+    size_t n = (size_t)check->count;
+    TSUYA_NEW(status, gain, 4 * n);
+    for (int c = 0; c < 3; c++) {
+        solve_gains(gain + (size_t)c * n, relations, check->count, c, fewest);
+        centre(gain + (size_t)c * n, gain + 3 * n, check);
+    }
+    for (size_t i = 0; i < n; i++) {
+        tsuya_checked_photo *p = &check->photo[i];
+        p->exposure_ev = gain[n + i];
+        p->red_ev = gain[i] - gain[n + i];
+        p->blue_ev = gain[2 * n + i] - gain[n + i];
+    }
+done:
+    tsuya_free(gain);
+    return status;
+}
+
+tsuya_status tsuya_check_relations(tsuya_check *check, const tsuya_check_sight *sight, const tsuya_check_options *options,
+                                   const tsuya_context *context)
+{
+    tsuya_status status = TSUYA_OK;
+    relation *relations = NULL;
+    TSUYA_NEW(status, relations, (size_t)check->count * (size_t)check->count);
+    TSUYA_GOTO_DONE(status, match_pairs(relations, check, sight, options, context));
+    for (int i = 0; i < check->count; i++) {
+        tsuya_checked_photo *p = &check->photo[i];
+        for (int j = 0; j < check->count; j++) {
+            const relation *r = &relations[i * check->count + j];
+            p->neighbours += r->shared >= options->shared_features;
+            p->strongest = r->shared > p->strongest ? r->shared : p->strongest;
+            int fewer = p->features < check->photo[j].features ? p->features : check->photo[j].features;
+            bool same = j < i && r->shared >= options->shared_features && r->shared > SAME_VIEW_FEATURES * fewer && r->moved < SAME_VIEW_SHARE;
+            p->same_as = same && p->same_as < 0 ? j : p->same_as;
+        }
+    }
+    TSUYA_GOTO_DONE(status, set_gains(check, relations, options->shared_features));
+done:
+    tsuya_free(relations);
+    return status;
+}
+
+static void judge_blur(tsuya_checked_photo *p, double session_px, const tsuya_check_options *o)
+{
+    double worst = p->blur.worst_px, best = p->blur.best_px, excess = o->blur_excess_px;
+    if (!(worst > o->blur_ratio * session_px) || !(worst * worst > session_px * session_px + excess * excess)) {
+        return;
+    }
+    if (best < 0.6 * worst) {
+        tsuya_check_fault(p, "blurred by motion: edges %.1f px wide one way, %.1f px the other (session %.1f px)", worst, best, session_px);
+    } else {
+        tsuya_check_fault(p, "blurred: edges are %.1f px wide (session %.1f px)", worst, session_px);
+    }
+}
+
+static void judge_colors(tsuya_checked_photo *p, const tsuya_check_options *o)
+{
+    static const char *const names[3] = {"red", "green", "blue"};
+    for (int c = 0; c < 3; c++) {
+        if (p->bright_clipped[c] > o->clipped_share) {
+            tsuya_check_fault(p, "overexposed: %.0f %% of %s is clipped", 100.0 * p->bright_clipped[c], names[c]);
+            break;
+        }
+    }
+    if (fabs(p->exposure_ev) > o->exposure_ev) {
+        tsuya_check_fault(p, "%s than the others by %.1f EV", p->exposure_ev < 0.0 ? "darker" : "brighter", fabs(p->exposure_ev));
+    }
+    if (fabs(p->red_ev) > o->white_balance_ev || fabs(p->blue_ev) > o->white_balance_ev) {
+        tsuya_check_fault(p, "another white balance: red %+.2f EV, blue %+.2f EV against green", p->red_ev, p->blue_ev);
+    }
+}
+
+static void judge(tsuya_check *check, tsuya_checked_photo *p, const tsuya_check_options *o)
+{
+    if (p->photo.width_px != check->width_px || p->photo.height_px != check->height_px) {
+        tsuya_check_fault(p, "%d x %d pixels, the others have %d x %d", p->photo.width_px, p->photo.height_px, check->width_px, check->height_px);
+    }
+    if (check->focal_mm > 0.0 && p->photo.focal_mm > 0.0 && fabs(p->photo.focal_mm / check->focal_mm - 1.0) > 0.01) {
+        tsuya_check_fault(p, "taken at %g mm, the others at %g mm", p->photo.focal_mm, check->focal_mm);
+    }
+    judge_blur(p, check->blur_px, o);
+    judge_colors(p, o);
+    if (p->same_as >= 0) {
+        tsuya_check_fault(p, "the same view as %.100s", check->photo[p->same_as].photo.name);
+    }
+    if (p->neighbours == 0 && check->count > 2 && p->fault_count == 0) {
+        tsuya_check_fault(p, "shows nothing that another photograph shows: a foreign picture, or too far from its neighbours");
+    }
+}
+
+/* The most common number, 0 where there is none. */
+static double most_common(const double *value, int count)
+{
+    double common = 0.0;
+    int most = 0;
+    for (int i = 0; i < count; i++) {
+        int same = 0;
+        for (int j = 0; j < count; j++) {
+            same += value[j] == value[i];
+        }
+        if (value[i] > 0.0 && same > most) {
+            most = same;
+            common = value[i];
+        }
+    }
+    return common;
+}
+
+tsuya_status tsuya_check_verdicts(tsuya_check *check, const tsuya_check_options *options)
+{
+    int edges = 0, n = 0;
+    double *value = tsuya_calloc((size_t)check->count * 3, sizeof *value);
+    if (!value) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    double *focal = value + check->count, *pixels = focal + check->count;
+    for (int i = 0; i < check->count; i++) {
+        const tsuya_checked_photo *p = &check->photo[i];
+        if (p->readable) {
+            focal[n] = p->photo.focal_mm;
+            pixels[n++] = p->photo.width_px * 65536.0 + p->photo.height_px;
+            value[edges] = p->blur.worst_px;
+            edges += isfinite(p->blur.worst_px);
+        }
+    }
+    check->blur_px = median_of(value, edges);
+    check->focal_mm = most_common(focal, n);
+    double size = most_common(pixels, n);
+    check->width_px = (int)(size / 65536.0);
+    check->height_px = (int)fmod(size, 65536.0);
+    tsuya_free(value);
+    for (int i = 0; i < check->count; i++) {
+        if (check->photo[i].readable) {
+            judge(check, &check->photo[i], options);
+        }
+        check->again += check->photo[i].fault_count > 0;
+    }
+    return TSUYA_OK;
+}

@@ -1,0 +1,40 @@
+/* Inside the studio: its surfaces (cloth and floor in one mesh) and the light that falls on them. */
+#ifndef TSUYA_CAPTURE_STUDIO_LIGHT_H
+#define TSUYA_CAPTURE_STUDIO_LIGHT_H
+
+#include "capture/studio.h"
+#include "render/embree_adapter.h"
+
+enum { STUDIO_SIDES = 2 }; /* 0: the side of the normal */
+
+struct tsuya_studio {
+    const tsuya_studio_cloth *cloth; /* borrowed, as are weave and lights */
+    const tsuya_studio_weave *weave;
+    const tsuya_light_set *lights;
+    tsuya_mesh mesh;         /* the cloth's vertices first, then the floor's */
+    size_t cloth_vertices, cloth_triangles;
+    double stand_radius_m, stand_height_m;
+    tsuya_ray_scene *rays;
+    int lamp_count;          /* lamps that are no environment */
+    int lamp[TSUYA_STUDIO_LAMPS];
+    /* By side and vertex: for every lamp the direction-weighted sum of what arrives, so that the irradiance of a surface
+     * turned to n is max(0, n·v) times the lamp's rgb; and the irradiance from the rest. */
+    tsuya_vec3f *arriving;   /* (side · vertices + vertex) · lamp_count + lamp */
+    float *ambient, *direct; /* 3 each; direct: of all lamps, on the vertex' own normal */
+};
+
+/* Fills arriving, direct, ambient. */
+TSUYA_MUST_CHECK tsuya_status tsuya_studio_light(tsuya_studio *studio, int samples, const tsuya_context *context);
+
+/* What the cloth's dye or the floor reflects at a triangle's point, linear. */
+void tsuya_studio_albedo(const tsuya_studio *studio, const tsuya_ray_hit *hit, float rgb[3]);
+static inline void tsuya_studio_weights(const tsuya_ray_hit *hit, double weight[3])
+{
+    weight[0] = 1.0 - (double)hit->u - (double)hit->v;
+    weight[1] = (double)hit->u;
+    weight[2] = (double)hit->v;
+}
+/* Interpolated, not unit. */
+tsuya_vec3 tsuya_studio_interpolate(const float *vectors, const uint32_t *triangle, const double weight[3]);
+
+#endif
