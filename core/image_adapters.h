@@ -13,6 +13,8 @@ TSUYA_MUST_CHECK tsuya_status tsuya_exr_load(tsuya_image *image, const char *pat
 TSUYA_MUST_CHECK tsuya_status tsuya_exr_probe(int *width_px, int *height_px, const char *path);
 TSUYA_MUST_CHECK tsuya_status tsuya_exr_save(const tsuya_image *image, const char *path, const tsuya_image_save_options *options);
 
+/* Camera raw is told by its extension: inside it is mostly TIFF. */
+bool tsuya_raw_extension(const char *path);
 TSUYA_MUST_CHECK tsuya_status tsuya_raw_load(tsuya_image *image, const char *path);
 TSUYA_MUST_CHECK tsuya_status tsuya_raw_probe(int *width_px, int *height_px, const char *path);
 

@@ -35,8 +35,7 @@ static uint32_t little(const char *bytes, int count)
     return value;
 }
 
-/* Camera raw is mostly TIFF inside; the extension tells these apart from pictures. */
-static bool raw_extension(const char *path)
+bool tsuya_raw_extension(const char *path)
 {
     static const char *const KNOWN[] = {".dng", ".nef", ".cr2", ".cr3", ".arw", ".raf", ".orf", ".rw2", ".pef", ".srw", ".x3f", ".iiq", ".3fr"};
     for (size_t i = 0; i < sizeof KNOWN / sizeof KNOWN[0]; i++) {
@@ -49,7 +48,7 @@ static bool raw_extension(const char *path)
 
 static format format_of(const char *b, size_t size, const char *path)
 {
-    if (raw_extension(path)) {
+    if (tsuya_raw_extension(path)) {
         return FORMAT_RAW;
     }
     if (size >= 3 && memcmp(b, "\xff\xd8\xff", 3) == 0) {

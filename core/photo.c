@@ -3,6 +3,7 @@
 #include "core/exif_adapter.h"
 #include "core/file.h"
 #include "core/image.h"
+#include "core/image_adapters.h"
 
 #include <math.h>
 #include <string.h>
@@ -26,7 +27,7 @@ tsuya_status tsuya_photo_load(tsuya_photo *photo, const char *path)
     photo->name = tsuya_strdup(tsuya_path_name(path));
     tsuya_status status = photo->path && photo->name ? tsuya_image_probe(&photo->width_px, &photo->height_px, path) : TSUYA_ERROR_MEMORY;
     if (status == TSUYA_OK) {
-        tsuya_exif_read(photo, path);
+        (tsuya_raw_extension(path) ? tsuya_raw_exif_read : tsuya_exif_read)(photo, path);
     } else {
         tsuya_photo_free(photo);
     }
@@ -40,14 +41,13 @@ double tsuya_photo_focal_px(const tsuya_photo *photo)
 
 static bool image_extension(const char *name)
 {
-    static const char *const KNOWN[] = {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".exr", ".dng", ".nef", ".cr2",
-                                        ".cr3", ".arw", ".raf", ".orf", ".rw2", ".pef", ".srw"};
+    static const char *const KNOWN[] = {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".exr"};
     for (size_t i = 0; i < sizeof KNOWN / sizeof KNOWN[0]; i++) {
         if (strcasecmp(tsuya_path_extension(name), KNOWN[i]) == 0) {
             return true;
         }
     }
-    return false;
+    return tsuya_raw_extension(name);
 }
 
 /* NAME.jpg.png before NAME.png; NULL where there is neither. */

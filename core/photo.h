@@ -22,7 +22,8 @@ typedef struct tsuya_photo_set {
     char *folder;
 } tsuya_photo_set;
 
-/* EXIF (libexif for JPEG and TIFF, LibRaw for raw) and the pixel size.  A file without EXIF is fine. */
+/* EXIF (libexif for JPEG, LibRaw for camera raw; none is read of other formats) and the pixel size.  A file without EXIF is
+ * fine. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_photo_load(tsuya_photo *photo, const char *path);
 TSUYA_API void tsuya_photo_free(tsuya_photo *photo);
 
