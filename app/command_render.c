@@ -32,7 +32,7 @@ static const struct argp_option render_options[] = {
     {"spp", KEY_SPP, "N", 0, "Samples a pixel (default 64)", 0},
     {"noise", KEY_NOISE, "E", 0, "Stop a pixel at this relative error; --spp is then the most it gets", 0},
     {"bounces", KEY_BOUNCES, "N", 0, "Reflections along a path (default 4; 1: lamps only)", 0},
-    {"exposure", KEY_EXPOSURE, "EV", 0, "Of the PNGs (default: chosen from the first picture)", 0},
+    {"exposure", KEY_EXPOSURE, "EV", 0, "Of the PNGs (default: a white card in the place of the cloth shows display white)", 0},
     {"reference", KEY_REFERENCE, "REF.exr", 0, "Compare the first picture with this one", 0},
     {"like", KEY_LIKE, "PHOTO", 0, "Compare with this photograph; repeatable, in the order of the cameras", 0},
     {"mask", KEY_MASK, "MASK.png", 0, "What to compare of the photograph (white); repeatable, in the order of the photographs", 0},

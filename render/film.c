@@ -56,7 +56,7 @@ static int compare_floats(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-tsuya_status tsuya_film_auto_exposure(double *exposure_ev, const tsuya_film *film)
+tsuya_status tsuya_film_card_exposure(double *exposure_ev, const tsuya_film *film)
 {
     size_t pixels = (size_t)film->width_px * (size_t)film->height_px, count = 0;
     float *luminance = tsuya_calloc(pixels, sizeof *luminance);
@@ -70,8 +70,8 @@ tsuya_status tsuya_film_auto_exposure(double *exposure_ev, const tsuya_film *fil
         }
     }
     qsort(luminance, count, sizeof *luminance, compare_floats);
-    double bright = count > 0 ? luminance[(size_t)(0.98 * (double)(count - 1))] : 0.0;
-    *exposure_ev = bright > 0.0 ? log2(0.8 / bright) : 0.0;
+    double middle = count > 0 ? luminance[(count - 1) / 2] : 0.0;
+    *exposure_ev = middle > 0.0 ? -log2(middle) : 0.0;
     tsuya_free(luminance);
     return TSUYA_OK;
 }

@@ -16,8 +16,9 @@ typedef struct tsuya_film_note {
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_film_save_exr(const tsuya_film *film, const char *path, const tsuya_film_note *note);
 /* View transform: linear · 2^exposure_ev, clipped to [0, 1], sRGB curve, 8 bits. No tone curve beside. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_film_save_png(const tsuya_film *film, const char *path, double exposure_ev);
-/* The exposure that puts the 98th percentile of the covered pixels' luminance at 0.8; 0 for a picture without cloth or light. */
-TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_film_auto_exposure(double *exposure_ev, const tsuya_film *film);
+/* Exposure from a picture of the same scene with a white card for its cloth, lit by lamps alone: the median of the
+ * card becomes display white, so that a dyed cloth in good light shows its dye; 0 EV without cloth or light. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_film_card_exposure(double *exposure_ev, const tsuya_film *card);
 /* Root mean square difference of the linear channels to an image of the same size; fails on another size. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_film_rmse(double *rmse, const tsuya_film *film, const char *reference_path);
 

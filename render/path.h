@@ -16,6 +16,7 @@ typedef struct tsuya_path_options {
     double noise;         /* > 0: aimed standard error of a pixel relative to its luminance, see below; 0: fixed spp */
     int bounces;          /* reflections along a path; 1: lamps only */
     bool lamps_visible;   /* disks and rectangles in front of the camera */
+    const tsuya_shader *card; /* stands in for every material, without dye; NULL: the scene's own */
     tsuya_strategy strategy; /* for tests; point, spot and directional lamps need MIS or LAMPS */
     /* For benches: told every ray (single thread). NULL: nobody. */
     void (*ray_sink)(void *user, const tsuya_ray *ray, bool shadow);

@@ -11,7 +11,7 @@
 #include <string.h>
 
 /* Raised when the pictures of unchanged inputs change. */
-static const char stage_version[] = "render 2";
+static const char stage_version[] = "render 3";
 
 tsuya_render_options tsuya_render_options_default(void)
 {
@@ -183,27 +183,42 @@ static tsuya_status render_frame(stage *s, const tsuya_render_frame *f, const ts
     return status;
 }
 
-/* Fixed before the first picture, so that the sequence does not flicker. */
-static tsuya_status choose_exposure(stage *s)
+static tsuya_status render_card(stage *s, const tsuya_render_frame *f, const tsuya_shader *white)
 {
-    s->exposure_ev = s->options->exposure_ev;
-    if (!isnan(s->exposure_ev)) {
-        return TSUYA_OK;
-    }
-    const tsuya_render_frame *f = &s->setup.frame[0];
-    int width = f->camera.width_px < 128 ? f->camera.width_px : 128;
+    int width = f->camera.width_px < 160 ? f->camera.width_px : 160;
     int height = (int)fmax(1.0, round((double)width * f->camera.height_px / f->camera.width_px));
     tsuya_camera small = tsuya_camera_scaled(&f->camera, width, height);
     tsuya_path_options path = s->path;
     tsuya_context context = *s->context;
     tsuya_film film;
     tsuya_path_info info;
-    path.spp = 32;
+    path.spp = 16;
     path.noise = 0.0;
+    path.bounces = 1;
+    path.card = white;
     context.progress = NULL;
     TSUYA_TRY(render_frame(s, f, &small, &path, &film, &info, &context));
-    tsuya_status status = tsuya_film_auto_exposure(&s->exposure_ev, &film);
+    tsuya_status status = tsuya_film_card_exposure(&s->exposure_ev, &film);
     tsuya_film_free(&film);
+    return status;
+}
+
+/* Fixed before the first picture, so that the sequence does not flicker. */
+static tsuya_status choose_exposure(stage *s)
+{
+    const double one[3] = {1.0, 1.0, 1.0};
+    tsuya_material *card = NULL;
+    tsuya_shader white;
+    s->exposure_ev = s->options->exposure_ev;
+    if (!isnan(s->exposure_ev)) {
+        return TSUYA_OK;
+    }
+    tsuya_status status;
+    TSUYA_GOTO_DONE(status, tsuya_material_lambert(&card, one));
+    TSUYA_GOTO_DONE(status, tsuya_shader_from_material(&white, card));
+    TSUYA_GOTO_DONE(status, render_card(s, &s->setup.frame[0], &white));
+done:
+    tsuya_material_free(card);
     return status;
 }
 
@@ -367,6 +382,9 @@ static void describe(stage *s)
     tsuya_json_set_number(s->document, "bounces", s->path.bounces);
     tsuya_json *view = tsuya_json_set_object(s->document, "view_transform");
     tsuya_json_set_number(view, "exposure_ev", s->exposure_ev);
+    tsuya_json_set_text(view, "exposure", isnan(s->options->exposure_ev)
+                                              ? "the median of a white card in the place of the cloth, lit by the lamps alone, is display white"
+                                              : "given");
     tsuya_json_set_text(view, "curve", "linear × 2^exposure_ev, clipped to [0, 1], sRGB");
     s->pictures = tsuya_json_set_array(s->document, "pictures");
 }

@@ -32,7 +32,7 @@ typedef struct tsuya_render_options {
     int spp;                         /* samples per pixel; with `noise` the most that a pixel gets */
     double noise;                    /* > 0: relative standard error that a pixel aims at; see render/path.h */
     int bounces;                     /* reflections along a path; 1: lamps only */
-    double exposure_ev;              /* of the PNGs; NaN: chosen from a preview of the first picture */
+    double exposure_ev;              /* of the PNGs; NaN: from a white card in the first picture, see render/film.h */
     const char *reference_path;      /* linear EXR to compare the first picture with; NULL: none */
     const char *output_folder;       /* JOB/render */
     const char *name;                /* subfolder; NULL: output_folder itself */

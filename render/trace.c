@@ -227,6 +227,10 @@ static void shade(const tsuya_tracer *t, walker *w, int depth)
     tsuya_surface s;
     tsuya_vec3 back = tsuya_vec3_scale(w->direction, -1.0);
     tsuya_scene_surface(t->scene, &w->hit, back, &s);
+    if (t->options->card) {
+        s.shader = t->options->card;
+        s.dye = NULL;
+    }
     if (!s.has_weft || depth > 0) {
         tsuya_sampler_pair(w->path->sampler, pair + PAIR_TURN, turn);
     }

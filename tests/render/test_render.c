@@ -1,6 +1,9 @@
 /* The stage: files in, pictures and render.json out; resumed picture by picture. */
 #include "support.h"
 
+#include "brdf/material.h"
+
+#include "core/color.h"
 #include "core/image.h"
 #include "core/mesh.h"
 
@@ -143,6 +146,61 @@ static void test_cameras(void **state)
     assert_string_equal(a.hex, b.hex);
 }
 
+/* A matte ball of a colour under the default studio shows that colour, light or dark, where it faces the camera. */
+static void test_colors_show_as_asked(void **state)
+{
+    (void)state;
+    static const char *const colors[] = {"#7a1f2b", "#d8c9a8", "#2b3a67"};
+    tsuya_context context = tsuya_context_default();
+    tsuya_render_options options = small_options("shown");
+    tsuya_render_info info;
+    tsuya_mesh ball;
+    tsuya_material *matte;
+    char path[TEST_PATH], material_path[TEST_PATH];
+    const double black[3] = {0, 0, 0};
+    snprintf(path, sizeof path, "%s", test_path("ball.ply"));
+    snprintf(material_path, sizeof material_path, "%s", test_path("matte.json"));
+    scene_sphere(&ball, 1.0, 40, false);
+    assert_ok(tsuya_ply_save(&ball, path, NULL));
+    tsuya_mesh_free(&ball);
+    assert_ok(tsuya_material_lambert(&matte, black));
+    assert_ok(tsuya_material_save(matte, material_path));
+    tsuya_material_free(matte);
+    const char *materials[] = {material_path};
+    options.mesh_path = path;
+    options.material_path = materials;
+    options.material_count = 1;
+    options.views = 1;
+    options.spp = 32;
+    for (int k = 0; k < 3; ++k) {
+        double asked[3], l[16 * 16], a = 0.0, b = 0.0;
+        tsuya_image png, linear;
+        options.color = colors[k];
+        assert_ok(tsuya_render_parse_color(asked, colors[k]));
+        assert_ok(tsuya_render(&info, &options, &context));
+        assert_ok(tsuya_image_load(&png, frame_path("shown", 0, "png")));
+        assert_ok(tsuya_image_convert(&linear, &png, TSUYA_SAMPLE_F32, TSUYA_ENCODING_LINEAR));
+        for (int i = 0; i < 16 * 16; ++i) { /* the middle of the ball */
+            const float *rgb = tsuya_image_f32(&linear, 48 / 2 - 8 + i % 16, 36 / 2 - 8 + i / 16);
+            tsuya_lab lab = tsuya_lab_from_rgb((tsuya_vec3){rgb[0], rgb[1], rgb[2]});
+            a += lab.a / 256;
+            b += lab.b / 256;
+            int at = i;
+            for (; at > 0 && l[at - 1] > lab.l; --at) {
+                l[at] = l[at - 1];
+            }
+            l[at] = lab.l;
+        }
+        tsuya_lab seen = {l[128], a, b};
+        double difference = tsuya_color_difference(seen, tsuya_lab_from_rgb((tsuya_vec3){asked[0], asked[1], asked[2]}));
+        if (!(difference < 3.0)) {
+            fail_msg("%s shows as Lab %.1f %.1f %.1f: ΔE00 %.1f", colors[k], seen.l, seen.a, seen.b, difference);
+        }
+        tsuya_image_free(&png);
+        tsuya_image_free(&linear);
+    }
+}
+
 /* A photograph that is the render itself, brighter and redder: the figures of both groups, and the comparison's picture. */
 static void test_like(void **state)
 {
@@ -226,6 +284,7 @@ int main(void)
         cmocka_unit_test(test_turntable_and_resume),
         cmocka_unit_test(test_figures),
         cmocka_unit_test(test_cameras),
+        cmocka_unit_test(test_colors_show_as_asked),
         cmocka_unit_test(test_like),
         cmocka_unit_test(test_refusals),
     };
