@@ -8,9 +8,9 @@
 
 #include <string.h>
 
-enum { SAMPLES_PER_PIXEL = 64, BOUNCES = 3, OTHERS = 4 };
+enum { SAMPLES_PER_PIXEL = 48, BOUNCES = 3, OTHERS = 4 };
 /* A comparison takes the mean over very many pixels, so they may be noisier. */
-static const double NOISE = 0.02, LIKE_NOISE = 0.06;
+static const double NOISE = 0.05, LIKE_NOISE = 0.1;
 
 static const char *const mesh_relative = "weave/weave.ply";
 
