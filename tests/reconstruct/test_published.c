@@ -1,0 +1,161 @@
+/* Real photographs with published cameras, from photographs to mesh: the dinosaur of Middlebury's sparse ring (Seitz, Curless,
+ * Diebel, Scharstein, Szeliski, CVPR 2006).  The truth is its outline in the photographs and its published box. */
+#include "support.h"
+
+#include "core/image.h"
+#include "core/process.h"
+#include "core/raster.h"
+#include "published.h"
+#include "reconstruct/reconstruct.h"
+
+enum { WIDTH = 640, HEIGHT = 480, MOST_VIEWS = 64 };
+
+static const char *const FOLDER = "mvs/dino_sparse_ring";
+
+/* Pixels above 0.19, dilated by 10 and eroded by 7, as the data's README asks. */
+static void grow(uint8_t *mask, int radius, uint8_t value)
+{
+    static uint8_t out[WIDTH * HEIGHT];
+    memset(out, value ? 0 : 255, sizeof out);
+    for (int y = 0; y < HEIGHT; y++) {
+        for (int x = 0; x < WIDTH; x++) {
+            for (int dy = -radius; mask[y * WIDTH + x] == value && dy <= radius; dy++) {
+                for (int dx = -radius; dx <= radius; dx++) {
+                    int nx = x + dx, ny = y + dy;
+                    if (dx * dx + dy * dy <= radius * radius && nx >= 0 && ny >= 0 && nx < WIDTH && ny < HEIGHT) {
+                        out[ny * WIDTH + nx] = value;
+                    }
+                }
+            }
+        }
+    }
+    memcpy(mask, out, sizeof out);
+}
+
+static void outline(uint8_t *mask, const char *photo)
+{
+    tsuya_image image;
+    assert_ok(tsuya_image_load(&image, photo));
+    assert_int_equal(image.width_px, WIDTH);
+    assert_int_equal(image.height_px, HEIGHT);
+    for (int i = 0; i < WIDTH * HEIGHT; i++) {
+        float most = 0.0f;
+        for (int c = 0; c < image.channels && c < 3; c++) {
+            most = fmaxf(most, tsuya_image_get(&image, i % WIDTH, i / WIDTH, c));
+        }
+        mask[i] = most > 0.19f ? 255 : 0;
+    }
+    grow(mask, 10, 255);
+    grow(mask, 7, 0);
+    tsuya_image_free(&image);
+}
+
+static double overlap(const uint8_t *mask, const tsuya_raster *raster)
+{
+    size_t both = 0, either = 0;
+    for (int i = 0; i < WIDTH * HEIGHT; i++) {
+        bool drawn = raster->triangle[i] != UINT32_MAX;
+        both += drawn && mask[i];
+        either += drawn || mask[i];
+    }
+    return either ? (double)both / (double)either : 1.0;
+}
+
+static int compare(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* Over the data's list of photographs whose outline can be had by a threshold. */
+static double median_overlap(const tsuya_sparse_model *model, const tsuya_mesh *mesh, const tsuya_context *context)
+{
+    static uint8_t mask[WIDTH * HEIGHT];
+    double iou[MOST_VIEWS];
+    int count = 0;
+    char name[64], path[TEST_PATH];
+    tsuya_raster raster;
+    snprintf(path, sizeof path, "%s/dinoSR_good_silhouette_images.txt", FOLDER);
+    FILE *list = fopen(test_data(path), "r");
+    assert_non_null(list);
+    assert_ok(tsuya_raster_create(&raster, WIDTH, HEIGHT));
+    while (count < MOST_VIEWS && fscanf(list, "%63s", name) == 1) {
+        int v = tsuya_sparse_model_find(model, name);
+        assert_true(v >= 0);
+        snprintf(path, sizeof path, "%s/%s", FOLDER, name);
+        outline(mask, test_data(path));
+        tsuya_raster_clear(&raster);
+        assert_ok(tsuya_raster_draw(&raster, mesh, &model->camera[model->view[v].camera], model->view[v].camera_from_world, context));
+        iou[count++] = overlap(mask, &raster);
+    }
+    fclose(list);
+    tsuya_raster_free(&raster);
+    assert_true(count >= 10);
+    qsort(iou, (size_t)count, sizeof *iou, compare);
+    print_message("dino: outline IoU of %d photographs: median %.4f, least %.4f\n", count, iou[count / 2], iou[0]);
+    return iou[count / 2];
+}
+
+/* Share of the vertices inside the published tight box, grown by `margin_m`. */
+static double inside_box(const tsuya_mesh *mesh, double margin_m)
+{
+    static const double low[3] = {-0.061897, -0.018874, -0.057845}, high[3] = {0.010897, 0.068227, 0.015495};
+    size_t inside = 0;
+    for (size_t v = 0; v < mesh->vertex_count; v++) {
+        bool in = true;
+        for (int k = 0; k < 3; k++) {
+            double x = mesh->position[3 * v + (size_t)k];
+            in &= x >= low[k] - margin_m && x <= high[k] + margin_m;
+        }
+        inside += in;
+    }
+    return (double)inside / (double)mesh->vertex_count;
+}
+
+static void dinosaur_has_its_outline_and_lies_in_its_box(void **state)
+{
+    (void)state;
+    char path[TEST_PATH];
+    snprintf(path, sizeof path, "%s/dinoSR_par.txt", FOLDER);
+    const char *parameters = test_data(path);
+    if (!parameters || !tsuya_process_available("colmap")) {
+        skip();
+    }
+    tsuya_context context = tsuya_context_default();
+    tsuya_sparse_model model;
+    tsuya_reconstruct_info info;
+    tsuya_mesh mesh;
+    context.threads = 2;
+    assert_ok(published_middlebury(&model, parameters, WIDTH, HEIGHT));
+    assert_ok(published_lay_out(&model, test_data(FOLDER), test_path("dino")));
+    tsuya_reconstruct_options options = tsuya_reconstruct_options_default();
+    options.photos = test_path("dino/photos");
+    options.poses = test_path("dino/poses");
+    options.output = test_path("dino/out");
+    assert_ok(tsuya_reconstruct(&info, &options, &context));
+    assert_ok(tsuya_ply_load(&mesh, test_path("dino/out/mesh.ply")));
+    double in = inside_box(&mesh, 0.0), near = inside_box(&mesh, 0.002);
+    print_message("dino: %d of %d placed, %zu triangles, in the box %.4f, within 2 mm of it %.4f\n", info.registered, info.photos,
+                  mesh.triangle_count, in, near);
+    assert_int_equal(info.registered, model.view_count);
+    assert_true(median_overlap(&model, &mesh, &context) >= 0.93);
+    assert_true(in >= 0.99);
+    assert_true(near == 1.0);
+    tsuya_mesh_free(&mesh);
+    tsuya_reconstruct_info_free(&info);
+    tsuya_sparse_model_free(&model);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(dinosaur_has_its_outline_and_lies_in_its_box),
+    };
+    if (!test_data(FOLDER)) {
+        print_message("skipped: no %s\n", FOLDER);
+        return TEST_SKIPPED;
+    }
+    int failed = cmocka_run_group_tests(tests, NULL, NULL);
+    test_folder_remove();
+    return failed;
+}
