@@ -2,6 +2,7 @@
 # tests/app/check_headers.sh holds this list against the tree.
 set(TSUYA_PUBLIC_HEADERS
   brdf/material.h
+  brdf/samples.h
   core/api.h
   core/camera.h
   core/color.h

@@ -1,0 +1,22 @@
+/* Sampling of the half vector from a tabulated density over (φh, θh), mixed with a cosine lobe that keeps weights bounded.
+ * A draw of h reflects wo into wi: pdf(wi) = p(h) / (4 wo·h). */
+#ifndef TSUYA_BRDF_HALF_TABLE_H
+#define TSUYA_BRDF_HALF_TABLE_H
+
+#include "brdf/model.h"
+
+typedef struct tsuya_half_table {
+    int phi_cells, theta_cells;
+    float *marginal;    /* cumulative over θh, theta_cells + 1 */
+    float *conditional; /* cumulative over φh of each θh, theta_cells × (phi_cells + 1) */
+} tsuya_half_table;
+
+/* `density(user, h)` ≥ 0, up to a factor, for unit h above the surface. */
+TSUYA_MUST_CHECK tsuya_status tsuya_half_table_create(tsuya_half_table **table, double (*density)(const void *user, tsuya_vec3 h),
+                                                      const void *user);
+void tsuya_half_table_free(tsuya_half_table *table);
+size_t tsuya_half_table_bytes(const tsuya_half_table *table);
+double tsuya_half_table_pdf(const tsuya_half_table *table, tsuya_vec3 wi, tsuya_vec3 wo);
+bool tsuya_half_table_sample(const tsuya_half_table *table, tsuya_vec3 wo, const double u[2], tsuya_vec3 *wi);
+
+#endif

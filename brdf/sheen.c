@@ -1,0 +1,148 @@
+#include "brdf/sheen.h"
+
+#include "brdf/half_table.h"
+#include "core/memory.h"
+
+#include <string.h>
+
+tsuya_half_angles tsuya_half_angles_of(tsuya_vec3 wi, tsuya_vec3 wo)
+{
+    tsuya_vec3 sum = tsuya_vec3_add(wi, wo), difference = tsuya_vec3_sub(wi, wo);
+    double across = sqrt(sum.x * sum.x + sum.y * sum.y);
+    return (tsuya_half_angles){
+        .psi_t = atan2(sum.x, sum.z),
+        .psi_b = atan2(sum.y, sum.z),
+        .phi_h = across > 0.0 ? atan2(sum.y, sum.x) : 0.0,
+        .theta_h = atan2(across, sum.z),
+        .theta_d = atan2(tsuya_vec3_norm(difference), tsuya_vec3_norm(sum)),
+        .falloff = 0.5 / (wi.z + wo.z),
+        .dt2 = 0.25 * difference.x * difference.x,
+        .db2 = 0.25 * difference.y * difference.y,
+    };
+}
+
+static void cubic_weights(double w[4], double t)
+{
+    double s = 1.0 - t;
+    w[0] = s * s * s / 6.0;
+    w[1] = (4.0 + t * t * (3.0 * t - 6.0)) / 6.0;
+    w[2] = (4.0 + s * s * (3.0 * s - 6.0)) / 6.0;
+    w[3] = t * t * t / 6.0;
+}
+
+int tsuya_uniform_weights(double weight[4], double x, double low, double high, int spans, bool periodic)
+{
+    double t = (x - low) * spans / (high - low);
+    if (periodic) {
+        t -= spans * floor(t / spans);
+    }
+    int i = (int)fmin(fmax(t, 0.0), spans - 1);
+    cubic_weights(weight, fmin(fmax(t - i, 0.0), 1.0));
+    return i;
+}
+
+int tsuya_sheen_stencil(int *index, double *weight, const tsuya_half_angles *a, int nu, int nv, int nd)
+{
+    double wu[4], wv[4], wd[4] = {1.0};
+    int fu = tsuya_uniform_weights(wu, a->phi_h, 0.0, 2.0 * M_PI, nu, true);
+    int fv = tsuya_uniform_weights(wv, a->theta_h, 0.0, 0.5 * M_PI, nv, false);
+    int fd = nd > 0 ? tsuya_uniform_weights(wd, a->theta_d, 0.0, 0.5 * M_PI, nd, false) : 0, deep = nd > 0 ? 4 : 1, count = 0;
+    for (int d = 0; d < deep; ++d) {
+        for (int u = 0; u < 4; ++u) {
+            for (int v = 0; v < 4; ++v) {
+                index[count] = ((fd + d) * nu + (fu + u) % nu) * (nv + 3) + fv + v;
+                weight[count++] = wd[d] * wu[u] * wv[v];
+            }
+        }
+    }
+    return count;
+}
+
+tsuya_status tsuya_sheen_create(tsuya_sheen **sheen, int channels, int spans, int nu, int nv, int nd)
+{
+    tsuya_status status = TSUYA_OK;
+    tsuya_sheen *s;
+    size_t n = (size_t)channels;
+    *sheen = NULL;
+    TSUYA_NEW(status, s, 1);
+    s->channels = channels;
+    s->spans = spans;
+    s->nu = nu;
+    s->nv = nv;
+    s->nd = nd;
+    for (int k = 0; k < TSUYA_SHEEN_CURVES; ++k) {
+        TSUYA_NEW(status, s->curve[k], (size_t)spans + 3);
+    }
+    TSUYA_NEW(status, s->strength[0], n);
+    TSUYA_NEW(status, s->strength[1], n);
+    TSUYA_NEW(status, s->matte, n);
+    TSUYA_NEW(status, s->diffuse, n);
+    TSUYA_NEW(status, s->net, (size_t)tsuya_sheen_net_points(nu, nv, nd) * n);
+    *sheen = s;
+    return TSUYA_OK;
+done:
+    tsuya_sheen_free(s);
+    return status;
+}
+
+void tsuya_sheen_free(void *sheen)
+{
+    tsuya_sheen *s = sheen;
+    if (!s) {
+        return;
+    }
+    for (int k = 0; k < TSUYA_SHEEN_CURVES; ++k) {
+        tsuya_free(s->curve[k]);
+    }
+    tsuya_free(s->strength[0]);
+    tsuya_free(s->strength[1]);
+    tsuya_free(s->matte);
+    tsuya_free(s->diffuse);
+    tsuya_free(s->net);
+    tsuya_free(s->fast_curve);
+    tsuya_free(s->fast_net);
+    tsuya_half_table_free(s->half);
+    tsuya_free(s);
+}
+
+static double dot4(const double *c, const double w[4]) { return c[0] * w[0] + c[1] * w[1] + c[2] * w[2] + c[3] * w[3]; }
+
+void tsuya_sheen_yarns(double log_yarn[2], const tsuya_sheen *s, const tsuya_half_angles *a)
+{
+    double wt[4], wb[4];
+    int t = tsuya_uniform_weights(wt, a->psi_t, -0.5 * M_PI, 0.5 * M_PI, s->spans, false);
+    int b = tsuya_uniform_weights(wb, a->psi_b, -0.5 * M_PI, 0.5 * M_PI, s->spans, false);
+    log_yarn[0] = dot4(s->curve[TSUYA_SHEEN_WARP_ALONG] + b, wb) + dot4(s->curve[TSUYA_SHEEN_WARP_ACROSS] + t, wt);
+    log_yarn[0] += s->slant[0][0] * a->db2 + s->slant[0][1] * a->dt2;
+    log_yarn[1] = s->slant[1][0] * a->dt2 + s->slant[1][1] * a->db2 + dot4(s->curve[TSUYA_SHEEN_WEFT_ALONG] + t, wt) + dot4(s->curve[TSUYA_SHEEN_WEFT_ACROSS] + b, wb);
+}
+
+void tsuya_sheen_guide(double *value, const tsuya_sheen *s, const tsuya_half_angles *a)
+{
+    double yarn[2];
+    tsuya_sheen_yarns(yarn, s, a);
+    double warp = exp(yarn[0]), weft = exp(yarn[1]);
+    for (int c = 0; c < s->channels; ++c) {
+        value[c] = (s->strength[0][c] * warp + s->strength[1][c] * weft + s->matte[c]) * a->falloff;
+    }
+}
+
+void tsuya_sheen_eval(const void *sheen, int channels, tsuya_vec3 wi, tsuya_vec3 wo, double *value)
+{
+    const tsuya_sheen *s = sheen;
+    tsuya_half_angles a = tsuya_half_angles_of(wi, wo);
+    tsuya_sheen_guide(value, s, &a);
+    if (s->nu == 0) {
+        return;
+    }
+    int index[64];
+    double weight[64];
+    int count = tsuya_sheen_stencil(index, weight, &a, s->nu, s->nv, s->nd);
+    for (int c = 0; c < channels; ++c) {
+        double sum = 0.0;
+        for (int k = 0; k < count; ++k) {
+            sum += weight[k] * s->net[(size_t)index[k] * (size_t)channels + (size_t)c];
+        }
+        value[c] *= exp(sum);
+    }
+}

@@ -1,0 +1,65 @@
+/* The cloth's own model: two yarns, and what they leave, as NURBS in the half vector.  Models yarn, ndf and nurbs3.
+ *
+ *   f_c(wi, wo) = [ Σ_y s_yc A_y(ψ along yarn y) C_y(ψ across it) + m_c ] · exp(S_c(φh, θh, θd)) / (2 (cosθi + cosθo))  +  kd_c / π
+ *
+ * h is the half vector, ψt = atan2(h·weft, h·n), ψb = atan2(h·warp, h·n).  The warp runs along b, so its A is a curve over ψb and
+ * its C one over ψt; for the weft they change places.  A and C are exponentials of cubic B-splines, shared by the channels; s and m
+ * are strengths per channel.  S, the logarithm of what the two yarns leave, is a cubic tensor B-spline per channel: periodic in φh,
+ * signed in θh so that it passes the pole smoothly (S(φ, −θ) = S(φ + π, θ)), and in nurbs3 over θd as well.
+ *
+ * 1/(2 (cosθi + cosθo)) is G2/(4 cosθi cosθo) of the height-correlated Smith masking of facets that point everywhere, as the
+ * facets of round fibres do.  Every factor is symmetric in wi and wo, so f is reciprocal. */
+#ifndef TSUYA_BRDF_SHEEN_H
+#define TSUYA_BRDF_SHEEN_H
+
+#include "brdf/model.h"
+
+enum { TSUYA_SHEEN_CURVES = 4, TSUYA_SHEEN_LINE = 4 };
+
+/* Curves, in this order. */
+enum { TSUYA_SHEEN_WARP_ALONG, TSUYA_SHEEN_WARP_ACROSS, TSUYA_SHEEN_WEFT_ALONG, TSUYA_SHEEN_WEFT_ACROSS };
+
+typedef struct tsuya_sheen {
+    int channels;
+    int spans;                          /* of each curve, uniform over ψ in [−π/2, π/2]; spans + 3 control values */
+    double *curve[TSUYA_SHEEN_CURVES];  /* logarithms */
+    double slant[2][2];                 /* κ: of each yarn, for the light's difference along and across it */
+    double *strength[2];                /* per channel: warp, weft */
+    double *matte;                      /* m, per channel */
+    double *diffuse;                    /* kd, per channel (kept in the material's dye once it is one) */
+    int nu, nv, nd;                     /* S: nu functions round φ, nv intervals of θh in [0, π/2], nd of θd (0: none); nu = 0: no S */
+    double *net;                        /* ((d * nu + u) * (nv + 3) + v) * channels + c; v counts from one step before the pole */
+    float *fast_curve, *fast_net;       /* the same in float for batches: curves one after the other; net with lines of a multiple
+                                           of four channels */
+    struct tsuya_half_table *half;      /* for sampling */
+} tsuya_sheen;
+
+typedef struct tsuya_half_angles {
+    double psi_t, psi_b, phi_h, theta_h, theta_d, falloff; /* falloff: 1/(2 (cosθi + cosθo)) */
+    double dt2, db2; /* squares of ((wi − wo)/2)·weft and ·warp */
+} tsuya_half_angles;
+
+tsuya_half_angles tsuya_half_angles_of(tsuya_vec3 wi, tsuya_vec3 wo);
+
+/* The four weights of a uniform cubic B-spline over `spans` intervals of [low, high], and the index of the first (open: spans + 3
+ * functions; periodic: spans functions). */
+int tsuya_uniform_weights(double weight[4], double x, double low, double high, int spans, bool periodic);
+
+/* Control values that S touches at these angles: weights and indices (without the channel), 16 or 64 of them. */
+int tsuya_sheen_stencil(int *index, double *weight, const tsuya_half_angles *angles, int nu, int nv, int nd);
+
+TSUYA_MUST_CHECK tsuya_status tsuya_sheen_create(tsuya_sheen **sheen, int channels, int spans, int nu, int nv, int nd);
+void tsuya_sheen_free(void *sheen);
+static inline int tsuya_sheen_net_points(int nu, int nv, int nd) { return nu * (nv + 3) * (nd > 0 ? nd + 3 : 1); }
+
+/* Logarithms of the two yarns' products, before strengths. */
+void tsuya_sheen_yarns(double log_yarn[2], const tsuya_sheen *sheen, const tsuya_half_angles *angles);
+/* The bracket of the formula times the falloff, without S and without the diffuse part. */
+void tsuya_sheen_guide(double *value, const tsuya_sheen *sheen, const tsuya_half_angles *angles);
+void tsuya_sheen_eval(const void *sheen, int channels, tsuya_vec3 wi, tsuya_vec3 wo, double *value);
+void tsuya_sheen_eval_batch(const void *sheen, int channels, const tsuya_direction_batch *batch, float *value);
+
+/* Makes what sampling and batches need, after the numbers are in place. */
+TSUYA_MUST_CHECK tsuya_status tsuya_sheen_prepare(tsuya_sheen *sheen);
+
+#endif
