@@ -3,6 +3,10 @@
 set(TSUYA_PUBLIC_HEADERS
   brdf/material.h
   brdf/samples.h
+  capture/check.h
+  capture/studio.h
+  capture/studio_sensor.h
+  capture/studio_session.h
   core/api.h
   core/camera.h
   core/color.h

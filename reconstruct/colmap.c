@@ -194,7 +194,7 @@ done:
     return status;
 }
 
-tsuya_status tsuya_colmap_match(tsuya_colmap *colmap, const char *pair_list)
+tsuya_status tsuya_colmap_match(tsuya_colmap *colmap, const char *pair_list, bool guided)
 {
     char *help = NULL;
     command *c = tsuya_calloc(1, sizeof *c);
@@ -204,7 +204,7 @@ tsuya_status tsuya_colmap_match(tsuya_colmap *colmap, const char *pair_list)
         set(c, "--match_list_path", pair_list);
         set(c, "--match_type", "pairs");
         set(c, "--SiftMatching.use_gpu", "0");
-        set_if_known(c, "--SiftMatching.guided_matching", "1"); /* twice the inliers between views far apart */
+        set_if_known(c, "--SiftMatching.guided_matching", guided ? "1" : "0");
         set_threads(c, "--SiftMatching.num_threads");
         status = finish(c);
     }
