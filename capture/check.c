@@ -11,7 +11,7 @@
 tsuya_check_options tsuya_check_options_default(void)
 {
     return (tsuya_check_options){.blur_ratio = 1.5, .blur_excess_px = 0.8, .clipped_share = 0.05, .exposure_ev = 0.6, .white_balance_ev = 0.3,
-                                 .shared_features = 16, .features = 1500, .features_long_side_px = 1200};
+                                 .shared_features = 16, .features = 800, .features_long_side_px = 1000};
 }
 
 static bool is_image(const char *name)

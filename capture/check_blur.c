@@ -7,7 +7,8 @@
  *     σ² = (σ2² − R² σ1²) / (R² − 1)
  *
  * Soft edges of the object itself only widen this, so only the strongest edges are asked.  A moving
- * camera widens the edges across its path alone, so directions are kept apart; a box of length L counts as σ = L/√12. */
+ * camera widens the edges across its path alone, so directions are kept apart.  The edge of a box of length L has a flat crest, which counts as
+ * more than its standard deviation L/√12: 4 px read 1.4, 6 px 2.6, 8 px 4.4. */
 #include "capture/check.h"
 
 #include "core/memory.h"
@@ -17,6 +18,7 @@
 #include <string.h>
 
 static const double SIGMA_1 = 0.8, SIGMA_2 = 2.4;
+static const double DIFFERENCE = 1.0 / 3.0; /* variance of the box that a central difference over two pixels is, px² */
 static const double SHARP_SHARE = 0.5;    /* of the edges of a direction */
 static const float STRONG = 0.6f;         /* of the 98th percentile of the gradients on edges */
 static const float NOISE_FACTOR = 6.0f;
@@ -127,7 +129,8 @@ static bool edge_at(edge *e, const plane *fine, const plane *coarse, int x, int 
     if (r2 <= 1.0 + 1e-3) {
         return false; /* no edge that smoothing would lower */
     }
-    double sigma2 = (SIGMA_2 * SIGMA_2 - r2 * SIGMA_1 * SIGMA_1) / (r2 - 1.0);
+    double fine2 = SIGMA_1 * SIGMA_1 + DIFFERENCE, coarse2 = SIGMA_2 * SIGMA_2 + DIFFERENCE;
+    double sigma2 = (coarse2 - r2 * fine2) / (r2 - 1.0);
     double angle = atan2((double)gy, (double)gx);
     int direction = (int)lround(angle / (M_PI / TSUYA_BLUR_DIRECTIONS));
     *e = (edge){size, (float)fmax(sigma2, 0.0), (uint8_t)((direction % TSUYA_BLUR_DIRECTIONS + TSUYA_BLUR_DIRECTIONS) % TSUYA_BLUR_DIRECTIONS)};

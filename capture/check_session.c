@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SWEEPS = 500, WINDOW = 8, ALL_PAIRS_BELOW = 61, FEWEST_RATIOS = 10 };
+enum { SWEEPS = 500, WINDOW = 5, ALL_PAIRS_BELOW = 16, FEWEST_RATIOS = 10 };
 static const double TOLERANCE_SHARE = 0.003;   /* of the longer side: two-view geometry */
 static const double SAME_VIEW_SHARE = 0.004;   /* features of the same view move less */
 static const double SAME_VIEW_FEATURES = 0.35; /* of the fewer features of both */
@@ -57,38 +57,81 @@ static void relate(relation *r, const tsuya_check_sight *a, const tsuya_check_si
 }
 
 /* All pairs of a small session; of a large one those close in the order of their names, which is the order of taking. */
-static bool is_candidate(int i, int j, int count) { return count < ALL_PAIRS_BELOW || j - i <= WINDOW || i + count - j <= WINDOW; }
+static bool is_close(int i, int j, int count) { return count < ALL_PAIRS_BELOW || abs(j - i) <= WINDOW || count - abs(j - i) <= WINDOW; }
+
+typedef struct matcher {
+    const tsuya_check *check;
+    const tsuya_check_sight *sight;
+    relation *relations;
+    tsuya_feature_pair *pair;
+    double *list;
+} matcher;
+
+static tsuya_status match_pair(const matcher *m, int i, int j)
+{
+    relation *r = &m->relations[i * m->check->count + j], *back = &m->relations[j * m->check->count + i];
+    if (!m->sight[i].features || !m->sight[j].features) {
+        return TSUYA_OK;
+    }
+    TSUYA_TRY(tsuya_features_match(m->pair, &r->shared, m->sight[i].features, m->sight[j].features,
+                                   TOLERANCE_SHARE * m->sight[i].work_long_side_px));
+    relate(r, &m->sight[i], &m->sight[j], m->pair, m->list);
+    *back = *r;
+    for (int c = 0; c < 3; c++) {
+        back->ratio[c] = -r->ratio[c];
+    }
+    return TSUYA_OK;
+}
+
+static bool is_lonely(const matcher *m, int i, int fewest)
+{
+    bool lonely = true;
+    for (int j = 0; j < m->check->count; j++) {
+        lonely = lonely && m->relations[i * m->check->count + j].shared < fewest;
+    }
+    return lonely;
+}
+
+/* What is close in order; then whoever found no neighbour there against everybody else. */
+static tsuya_status match_all(const matcher *m, int fewest, const tsuya_context *context)
+{
+    int count = m->check->count;
+    for (int i = 0; i < count; i++) {
+        tsuya_progress_update(context, "overlaps", i, count, NULL);
+        TSUYA_TRY(tsuya_check_interrupt());
+        for (int j = i + 1; j < count; j++) {
+            if (is_close(i, j, count)) {
+                TSUYA_TRY(match_pair(m, i, j));
+            }
+        }
+    }
+    for (int i = 0; i < count; i++) {
+        bool lonely = is_lonely(m, i, fewest);
+        for (int j = 0; lonely && j < count; j++) {
+            if (j != i && !is_close(i, j, count)) {
+                TSUYA_TRY(match_pair(m, i < j ? i : j, i < j ? j : i));
+            }
+        }
+    }
+    tsuya_progress_update(context, "overlaps", count, count, NULL);
+    return TSUYA_OK;
+}
 
 static tsuya_status match_pairs(relation *relations, const tsuya_check *check, const tsuya_check_sight *sight, const tsuya_check_options *options,
                                 const tsuya_context *context)
 {
     tsuya_status status = TSUYA_OK;
-    tsuya_feature_pair *pair = NULL;
-    double *list = NULL;
-    TSUYA_NEW(status, pair, (size_t)options->features * 4);
-    TSUYA_NEW(status, list, (size_t)options->features * 4);
+    matcher m = {.check = check, .sight = sight, .relations = relations};
+    size_t room = 1;
     for (int i = 0; i < check->count; i++) {
-        tsuya_progress_update(context, "overlaps", i, check->count, NULL);
-        TSUYA_GOTO_DONE(status, tsuya_check_interrupt());
-        for (int j = i + 1; j < check->count; j++) {
-            if (!sight[i].features || !sight[j].features || !is_candidate(i, j, check->count)) {
-                continue;
-            }
-            relation *r = &relations[i * check->count + j];
-            TSUYA_GOTO_DONE(status, tsuya_features_match(pair, &r->shared, sight[i].features, sight[j].features,
-                                                         TOLERANCE_SHARE * sight[i].work_long_side_px));
-            relate(r, &sight[i], &sight[j], pair, list);
-            relation *back = &relations[j * check->count + i];
-            *back = *r;
-            for (int c = 0; c < 3; c++) {
-                back->ratio[c] = -r->ratio[c];
-            }
-        }
+        room = (size_t)check->photo[i].features > room ? (size_t)check->photo[i].features : room;
     }
-    tsuya_progress_update(context, "overlaps", check->count, check->count, NULL);
+    TSUYA_NEW(status, m.pair, room);
+    TSUYA_NEW(status, m.list, room);
+    status = match_all(&m, options->shared_features, context);
 done:
-    tsuya_free(pair);
-    tsuya_free(list);
+    tsuya_free(m.pair);
+    tsuya_free(m.list);
     return status;
 }
 

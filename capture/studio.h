@@ -21,7 +21,7 @@ typedef struct tsuya_studio_cloth {
 TSUYA_API void tsuya_studio_cloth_free(tsuya_studio_cloth *cloth);
 
 /* A square cloth (a fukusa) that lies on a round stand and hangs over its edge in folds; a closed form, no simulation:
- * lengths around the stand are kept to a few per cent.  Frame: z up, the floor at 0, the stand's axis at x = y = 0. */
+ * lengths around the stand are kept roughly (the hanging part has 0.8 of the flat cloth's area).  Frame: z up, the floor at 0, the stand's axis at x = y = 0. */
 typedef struct tsuya_studio_drape {
     double side_m, stand_radius_m, stand_height_m;
     double edge_radius_m;  /* of the bend over the stand's edge */

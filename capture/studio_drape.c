@@ -30,7 +30,7 @@ tsuya_vec3 tsuya_studio_drape_at(const tsuya_studio_drape *o, double u_m, double
     double decay = exp(-s / bend), radius = o->stand_radius_m + bend * (1.0 - decay);
     double drop = bend * (acosh(1.0 / decay) - sqrt(1.0 - decay * decay));
     double slope = 0.9 * sqrt(2.0 * fmax((rho / radius) * (rho / radius) - 1.0, 0.0));
-    slope = STEEPEST_FOLD * tanh(slope / STEEPEST_FOLD);
+    slope = STEEPEST_FOLD * tanh(slope / STEEPEST_FOLD) * (1.0 - decay); /* begins without a kink in the threads */
     double uneven = 0.85 + 0.15 * cos(phi + 1.0) * cos(3.0 * phi);
     double wave = cos(o->folds * phi + 0.35 * sin(2.0 * phi + 0.4) + 0.25 * sin(3.0 * phi) + 4.0 * s);
     double r = radius + uneven * slope * radius / o->folds * wave;
