@@ -28,6 +28,7 @@ set(TSUYA_PUBLIC_HEADERS
   reconstruct/mesh_distance.h
   reconstruct/reconstruct.h
   reconstruct/silhouette.h
+  reconstruct/steps.h
   reconstruct/stereo.h
   reconstruct/surface.h
   render/compare.h

@@ -1,29 +1,27 @@
-# bash completion for tsuya
+# bash completion for tsuya.  Commands and options are asked of the program, so that nothing here grows old.
+_tsuya_commands() {
+    "$1" --help 2>/dev/null | awk '/^Commands:/ { inside = 1; next } /^$/ { inside = 0 } inside { sub(/^  /, ""); sub(/   *.*/, ""); print }'
+}
 _tsuya() {
-    local cur=${COMP_WORDS[COMP_CWORD]} prev=${COMP_WORDS[COMP_CWORD-1]}
-    local stages="capture calib reconstruct weave brdf render report"
-    local common="--threads --seed --json --quiet --help --version"
+    local cur=${COMP_WORDS[COMP_CWORD]} prev=${COMP_WORDS[COMP_CWORD-1]} program=${COMP_WORDS[0]}
+    local all=$(_tsuya_commands "$program") second
     COMPREPLY=()
     if [ "$COMP_CWORD" -eq 1 ]; then
-        COMPREPLY=($(compgen -W "demo run capture reconstruct weave brdf render --help --version" -- "$cur"))
+        COMPREPLY=($(compgen -W "$(echo "$all" | awk '{ print $1 }' | sort -u) --help --version" -- "$cur"))
         return
     fi
     case "$prev" in
-    --from|--to) COMPREPLY=($(compgen -W "$stages" -- "$cur")); return ;;
-    --threads|--seed|--turntable|--spp|--bounces|--noise|--color|--size) return ;;
+    --from|--to) COMPREPLY=($(compgen -W "capture calib reconstruct weave brdf render report" -- "$cur")); return ;;
     esac
-    if [ "$COMP_CWORD" -eq 2 ]; then
-        case "${COMP_WORDS[1]}" in
-        capture) COMPREPLY=($(compgen -W "check" -- "$cur")); return ;;
-        weave) COMPREPLY=($(compgen -W "image mesh" -- "$cur")); return ;;
-        brdf) COMPREPLY=($(compgen -W "eval" -- "$cur")); return ;;
-        esac
+    second=$(echo "$all" | awk -v first="${COMP_WORDS[1]}" '$1 == first && NF == 2 { print $2 }')
+    if [ "$COMP_CWORD" -eq 2 ] && [ -n "$second" ]; then
+        COMPREPLY=($(compgen -W "$second" -- "$cur"))
+        return
     fi
     if [[ $cur == -* ]]; then
-        # The program knows its own options.
-        local command=("${COMP_WORDS[0]}" "${COMP_WORDS[1]}")
-        case "${COMP_WORDS[1]}" in capture|weave|brdf) command+=("${COMP_WORDS[2]}") ;; esac
-        COMPREPLY=($(compgen -W "$("${command[@]}" --help 2>/dev/null | grep -o -- '--[a-z-]*' | sort -u) $common" -- "$cur"))
+        local command=("$program" "${COMP_WORDS[1]}")
+        [ -n "$second" ] && command+=("${COMP_WORDS[2]}")
+        COMPREPLY=($(compgen -W "$("${command[@]}" --help 2>/dev/null | grep -o -- '--[a-z][a-z-]*' | sort -u)" -- "$cur"))
         return
     fi
     COMPREPLY=($(compgen -f -- "$cur"))

@@ -22,9 +22,10 @@ other_system() {
 
 system=unknown
 release=
-if [ -r /etc/os-release ]; then
-    system=$(. /etc/os-release && echo "${ID:-unknown}")
-    release=$(. /etc/os-release && echo "${VERSION_ID:-}")
+os_release=${TSUYA_OS_RELEASE:-/etc/os-release} # tests stand one in
+if [ -r "$os_release" ]; then
+    system=$(. "$os_release" && echo "${ID:-unknown}")
+    release=$(. "$os_release" && echo "${VERSION_ID:-}")
 fi
 if [ "$system" != debian ] || [ "${release%%.*}" != 12 ]; then
     other_system "$system $release"
@@ -33,10 +34,7 @@ fi
 missing=
 for package in $(wanted); do
     state=$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null || true)
-    case " $state" in
-        *installed*) case "$state" in *not-installed*) missing="$missing $package" ;; esac ;;
-        *) missing="$missing $package" ;;
-    esac
+    [ "$state" = installed ] || missing="$missing $package"
 done
 if [ -z "$missing" ]; then
     exit 0
@@ -57,7 +55,6 @@ if [ "$(id -u)" -ne 0 ]; then
     as_root=sudo
 fi
 
-export DEBIAN_FRONTEND=noninteractive
 run_apt() {
     $as_root env DEBIAN_FRONTEND=noninteractive apt-get "$@"
 }

@@ -16,6 +16,17 @@ for header in "$@"; do
 done
 
 cd "$source" || exit 1
+for header in "$@"; do
+    for needed in $(sed -n 's/^#include "\(.*\)"/\1/p' "$header"); do
+        case " $* " in
+        *" $needed "*) ;;
+        *)
+            echo "$header: includes $needed, which is not in cmake/headers.cmake, so it would not be installed"
+            failed=1
+            ;;
+        esac
+    done
+done
 for header in $(grep -l '^TSUYA_\(MUST_CHECK TSUYA_\)\{0,1\}API ' core/*.h calib/*.h capture/*.h reconstruct/*.h weave_detect/*.h \
     brdf/*.h render/*.h 2>/dev/null); do
     case " $* " in
