@@ -3,9 +3,8 @@
 #include "core/file.h"
 #include "core/geometry.h"
 #include "core/memory.h"
+#include "weave_detect/detector.h"
 #include "weave_detect/label.h"
-#include "weave_detect/opencv_adapter.h"
-#include "weave_detect/spectrum.h"
 
 #include <omp.h>
 #include <string.h>
@@ -40,7 +39,7 @@ typedef struct row_job {
     tsuya_patch_grid *grid;
 } row_job;
 
-static tsuya_status detect_row(const row_job *job, tsuya_spectrum *spectrum, float *values, int row)
+static tsuya_status detect_row(const row_job *job, tsuya_detector *detector, float *values, int row)
 {
     tsuya_patch_grid *grid = job->grid;
     int n = grid->patch_px, y0 = row * grid->step_px;
@@ -55,7 +54,7 @@ static tsuya_status detect_row(const row_job *job, tsuya_spectrum *spectrum, flo
         for (int y = 0; y < n; y++) {
             memcpy(values + (size_t)y * (size_t)n, tsuya_image_f32(job->grey, x0, y0 + y), (size_t)n * sizeof *values);
         }
-        TSUYA_TRY(tsuya_spectrum_threads(spectrum, &patch->threads, values));
+        tsuya_detector_run(detector, &patch->threads, values);
     }
     return tsuya_check_interrupt();
 }
@@ -64,15 +63,14 @@ static tsuya_status detect_rows(const row_job *job, const tsuya_context *context
 {
     tsuya_failure failure = {0};
     int rows = job->grid->rows, n = job->grid->patch_px, done = 0;
-    tsuya_opencv_single_thread();
 #pragma omp parallel num_threads(context->threads)
     {
-        tsuya_spectrum *spectrum = NULL;
+        tsuya_detector *detector = NULL;
         float *values = tsuya_calloc((size_t)n * (size_t)n, sizeof *values);
-        tsuya_status status = values ? tsuya_spectrum_create(&spectrum, n) : TSUYA_ERROR_MEMORY;
+        tsuya_status status = values ? tsuya_detector_create(&detector, n, NULL) : TSUYA_ERROR_MEMORY;
 #pragma omp for schedule(dynamic, 1)
         for (int row = 0; row < rows; row++) {
-            tsuya_status own = status == TSUYA_OK ? detect_row(job, spectrum, values, row) : status;
+            tsuya_status own = status == TSUYA_OK ? detect_row(job, detector, values, row) : status;
 #pragma omp critical(tsuya_weave_rows)
             {
                 if (own != TSUYA_OK) {
@@ -81,7 +79,7 @@ static tsuya_status detect_rows(const row_job *job, const tsuya_context *context
                 tsuya_progress_update(context, "threads", ++done, rows, NULL);
             }
         }
-        tsuya_spectrum_free(spectrum);
+        tsuya_detector_free(detector);
         tsuya_free(values);
     }
     return tsuya_failure_raise(&failure);

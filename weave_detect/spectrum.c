@@ -1,32 +1,94 @@
 #include "weave_detect/spectrum.h"
 
 #include "core/memory.h"
-#include "weave_detect/opencv_adapter.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#ifndef M_PI
-#define M_PI 3.14159265358979323846
-#endif
+enum { RING_LEAST = 48 };
+static const double LOWEST_BINS = 1.8;      /* in bins of the patch: below is the window's own lobe about 0 */
+static const float LEAST_LEVEL = 2.2f;      /* power eight times the noise: noise alone makes about one such peak a patch */
+static const double FLOOR = 1e-7;           /* of the highest power: below it single precision and leakage speak */
+static const double FLAT_VARIANCE = 2.5e-7; /* an eighth of a grey level of 8 bits, squared */
+static const double NOISE_QUANTILE = 0.3;
 
-enum { MOST_PEAKS = 10, MOST_RINGS = 1024 };
-/* Threads from 2.6 px (just above what pixels can carry) to a quarter of the patch. */
-static const double SHORTEST_PERIOD = 2.6, PERIODS_LEAST = 4.0;
-/* A peak must stand this far above the median of its ring; noise alone (exponential) passes it once in e^-14 bins. */
-static const double LEAST_CONTRAST = 20.0;
+static int bin_index(const tsuya_spectrum *s, int kx, int ky)
+{
+    if (ky < 0) {
+        kx = -kx;
+        ky = -ky;
+    }
+    return (kx & (s->size - 1)) * s->fourier.stride + ky;
+}
 
-typedef struct peak {
-    double fx, fy; /* cycles a pixel, x right, y down; fy ≥ 0 half plane */
-    double power, contrast;
-} peak;
+static int signed_bin(const tsuya_spectrum *s, int kx) { return kx <= s->size / 2 ? kx : kx - s->size; }
 
-struct tsuya_spectrum {
-    int n, size; /* patch, zero-padded transform */
-    float *window, *padded, *power, *ring_median, *scratch;
-    int *ring_count;
-};
+/* Rings of at least RING_LEAST bins, inside out; bins near 0 belong to none. */
+static void make_rings(tsuya_spectrum *s)
+{
+    int half = s->size / 2, count = 0, widest = (int)(1.5 * half) + 2;
+    int *tally = s->ring_start;
+    double lowest = LOWEST_BINS * s->size / s->n;
+    for (int kx = 0; kx < s->size; kx++) {
+        for (int ky = 0; ky <= half; ky++) {
+            double r = hypot(signed_bin(s, kx), ky);
+            s->ring[bin_index(s, kx, ky)] = r < lowest ? -1 : (int)r;
+            tally[r < lowest ? widest : (int)r] += r >= lowest;
+        }
+    }
+    int *name = s->order; /* borrowed: from radius to ring */
+    for (int r = 0, sum = 0; r < widest; r++) {
+        name[r] = count;
+        sum += tally[r];
+        if (sum >= RING_LEAST) {
+            sum = 0;
+            count++;
+        }
+        s->ring_count = name[r] + 1;
+    }
+    memset(tally, 0, ((size_t)widest + 2) * sizeof *tally);
+    for (int kx = 0; kx < s->size; kx++) {
+        for (int ky = 0; ky <= half; ky++) {
+            int *ring = &s->ring[bin_index(s, kx, ky)];
+            *ring = *ring < 0 ? -1 : name[*ring];
+        }
+    }
+}
+
+static void make_order(tsuya_spectrum *s)
+{
+    int at = 0;
+    for (int r = 0; r < s->ring_count; r++) {
+        s->ring_start[r] = at;
+        for (int kx = 0; kx < s->size; kx++) {
+            for (int ky = 0; ky <= s->size / 2; ky++) {
+                if (s->ring[bin_index(s, kx, ky)] == r) {
+                    s->order[at++] = bin_index(s, kx, ky);
+                }
+            }
+        }
+    }
+    s->ring_start[s->ring_count] = at;
+}
+
+static int direction_of(double fx, double fy)
+{
+    double turn = atan2(fy, fx) / M_PI;
+    return (int)floor((turn - floor(turn)) * TSUYA_DIRECTIONS) % TSUYA_DIRECTIONS;
+}
+
+static void make_directions(tsuya_spectrum *s)
+{
+    for (int kx = 0; kx < s->size; kx++) {
+        for (int ky = 0; ky <= s->size / 2; ky++) {
+            int i = bin_index(s, kx, ky);
+            double fx = (double)signed_bin(s, kx) / s->size, fy = (double)ky / s->size, ff = fx * fx + fy * fy;
+            s->direction[i] = (uint8_t)direction_of(fx, fy);
+            s->steepness[i] = ff <= 0.25 ? (float)ff : 0.0f; /* the corners would favour the diagonals */
+        }
+    }
+}
 
 tsuya_status tsuya_spectrum_create(tsuya_spectrum **spectrum, int n)
 {
@@ -40,17 +102,28 @@ tsuya_status tsuya_spectrum_create(tsuya_spectrum **spectrum, int n)
         return TSUYA_ERROR_MEMORY;
     }
     s->n = n;
-    s->size = 2 * n;
-    size_t area = (size_t)s->size * (size_t)s->size;
+    for (s->size = 16; s->size < n; s->size *= 2) {
+    }
+    TSUYA_GOTO_DONE(status, tsuya_fourier_create(&s->fourier, s->size));
+    size_t area = (size_t)s->size * (size_t)s->fourier.stride;
     TSUYA_NEW(status, s->window, (size_t)n);
-    TSUYA_NEW(status, s->padded, area);
+    TSUYA_NEW(status, s->padded, (size_t)s->size * (size_t)s->size);
+    TSUYA_NEW(status, s->detrended, (size_t)n * (size_t)n);
     TSUYA_NEW(status, s->power, area);
-    TSUYA_NEW(status, s->ring_median, (size_t)s->size);
+    TSUYA_NEW(status, s->level, area);
     TSUYA_NEW(status, s->scratch, area);
-    TSUYA_NEW(status, s->ring_count, (size_t)s->size);
+    TSUYA_NEW(status, s->ring, area);
+    TSUYA_NEW(status, s->order, area);
+    TSUYA_NEW(status, s->direction, area);
+    TSUYA_NEW(status, s->steepness, area);
+    TSUYA_NEW(status, s->ring_start, 2 * (size_t)s->size);
+    TSUYA_NEW(status, s->noise, 2 * (size_t)s->size);
     for (int i = 0; i < n; i++) {
         s->window[i] = (float)(0.5 - 0.5 * cos(2.0 * M_PI * (i + 0.5) / n)); /* Hann */
     }
+    make_rings(s);
+    make_order(s);
+    make_directions(s);
     *spectrum = s;
 done:
     if (status != TSUYA_OK) {
@@ -62,235 +135,255 @@ done:
 void tsuya_spectrum_free(tsuya_spectrum *s)
 {
     if (s) {
+        tsuya_fourier_free(&s->fourier);
         tsuya_free(s->window);
         tsuya_free(s->padded);
+        tsuya_free(s->detrended);
         tsuya_free(s->power);
-        tsuya_free(s->ring_median);
+        tsuya_free(s->level);
         tsuya_free(s->scratch);
-        tsuya_free(s->ring_count);
+        tsuya_free(s->ring);
+        tsuya_free(s->order);
+        tsuya_free(s->direction);
+        tsuya_free(s->steepness);
+        tsuya_free(s->ring_start);
+        tsuya_free(s->noise);
         tsuya_free(s);
     }
 }
 
-/* Mean and linear slope out (lamp gradient), window on; false for a flat patch. */
-static bool prepare(tsuya_spectrum *s, float *v)
+/* Σ v, Σ v·x, Σ v² of a row in eight lanes, so that the order of additions does not depend on the vector width; x from the middle. */
+__attribute__((target_clones("avx2", "default"))) static void row_sums(float sum[3], const float *v, int n)
+{
+    float s0[8] = {0}, s1[8] = {0}, s2[8] = {0};
+    int x = 0;
+    for (; x + 8 <= n; x += 8) {
+        for (int k = 0; k < 8; k++) {
+            float value = v[x + k];
+            s0[k] += value;
+            s1[k] += value * ((float)(x + k) - 0.5f * (float)(n - 1));
+            s2[k] += value * value;
+        }
+    }
+    for (; x < n; x++) {
+        s0[0] += v[x];
+        s1[0] += v[x] * ((float)x - 0.5f * (float)(n - 1));
+        s2[0] += v[x] * v[x];
+    }
+    for (int k = 0; k < 3; k++) {
+        const float *s = k == 0 ? s0 : k == 1 ? s1 : s2;
+        sum[k] = ((s[0] + s[4]) + (s[1] + s[5])) + ((s[2] + s[6]) + (s[3] + s[7]));
+    }
+}
+
+__attribute__((target_clones("avx2", "default"))) static void window_row(float *restrict plain, float *restrict windowed,
+                                                                         const float *restrict v, const float *restrict window,
+                                                                         float base, float slope, float row_window, int n)
+{
+    for (int x = 0; x < n; x++) {
+        float value = v[x] - base - slope * ((float)x - 0.5f * (float)(n - 1));
+        plain[x] = value;
+        windowed[x] = value * window[x] * row_window;
+    }
+}
+
+/* Mean and slope out, window on; false for a flat patch. */
+static bool prepare(tsuya_spectrum *s, const float *v)
 {
     int n = s->n;
-    double mean = 0.0, sx = 0.0, sy = 0.0, sxx = 0.0, energy = 0.0;
+    double mean = 0.0, sx = 0.0, sy = 0.0, square = 0.0, count = (double)n * n;
     for (int y = 0; y < n; y++) {
-        for (int x = 0; x < n; x++) {
-            double dx = x - 0.5 * (n - 1), dy = y - 0.5 * (n - 1), value = (double)v[y * n + x];
-            mean += value;
-            sx += dx * value;
-            sy += dy * value;
-            sxx += dx * dx;
-        }
+        float sum[3];
+        row_sums(sum, v + (size_t)y * (size_t)n, n);
+        mean += (double)sum[0];
+        sx += (double)sum[1];
+        sy += (double)sum[0] * (y - 0.5 * (n - 1));
+        square += (double)sum[2];
     }
-    mean /= (double)n * n;
-    memset(s->padded, 0, (size_t)s->size * (size_t)s->size * sizeof *s->padded);
+    double xx = count * ((double)n * n - 1.0) / 12.0;
+    mean /= count;
+    s->variance = square / count - mean * mean - (sx * sx + sy * sy) / (xx * count);
+    if (!(isfinite(s->variance) && s->variance > FLAT_VARIANCE)) {
+        return false;
+    }
     for (int y = 0; y < n; y++) {
-        for (int x = 0; x < n; x++) {
-            double dx = x - 0.5 * (n - 1), dy = y - 0.5 * (n - 1);
-            double value = (double)v[y * n + x] - mean - (sx * dx + sy * dy) / sxx;
-            energy += value * value;
-            s->padded[y * s->size + x] = (float)value * s->window[x] * s->window[y];
+        double base = mean + sy / xx * (y - 0.5 * (n - 1));
+        window_row(s->detrended + (size_t)y * (size_t)n, s->padded + (size_t)y * (size_t)s->size, v + (size_t)y * (size_t)n, s->window,
+                   (float)base, (float)(sx / xx), s->window[y], n);
+    }
+    return true;
+}
+
+__attribute__((target_clones("avx2", "default"))) static void square_all(float *restrict power, const float *restrict re,
+                                                                         const float *restrict im, int count)
+{
+    for (int i = 0; i < count; i++) {
+        power[i] = re[i] * re[i] + im[i] * im[i];
+    }
+}
+
+/* The k-th smallest of `count` (Hoare); reorders. */
+static float select_kth(float *v, int count, int k)
+{
+    int low = 0, high = count - 1;
+    while (low < high) {
+        float pivot = v[(low + high) / 2];
+        int i = low, j = high;
+        while (i <= j) {
+            while (v[i] < pivot) {
+                i++;
+            }
+            while (v[j] > pivot) {
+                j--;
+            }
+            if (i <= j) {
+                float swap = v[i];
+                v[i++] = v[j];
+                v[j--] = swap;
+            }
+        }
+        if (k <= j) {
+            high = j;
+        } else if (k >= i) {
+            low = i;
+        } else {
+            break;
         }
     }
-    return isfinite(energy) && energy / ((double)n * n) > 1e-8; /* a four-thousandth of a grey level of 8 bits, squared */
+    return v[k];
 }
 
-static int signed_bin(int i, int size)
+static void judge_noise(tsuya_spectrum *s)
 {
-    return i < size / 2 ? i : i - size;
-}
-
-static int compare_floats(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return x < y ? -1 : x > y;
-}
-
-/* Median power of every ring of frequencies: what a peak is held against. */
-static void ring_medians(tsuya_spectrum *s)
-{
-    int size = s->size, rings = size / 2;
-    memset(s->ring_count, 0, (size_t)size * sizeof *s->ring_count);
-    int *start = s->ring_count; /* counts, then ends */
-    for (int y = 0; y <= size / 2; y++) {
-        for (int x = 0; x < size; x++) {
-            int r = (int)(hypot(signed_bin(x, size), signed_bin(y, size)) + 0.5);
-            start[r < rings ? r : rings]++;
-        }
+    float highest = 0.0f;
+    int count = s->ring_start[s->ring_count];
+    for (int i = 0; i < count; i++) {
+        s->scratch[i] = s->power[s->order[i]];
+        highest = fmaxf(highest, s->scratch[i]);
     }
-    int sum = 0;
-    for (int r = 0; r <= rings; r++) {
-        int count = start[r];
-        start[r] = sum;
-        sum += count;
-    }
-    for (int y = 0; y <= size / 2; y++) {
-        for (int x = 0; x < size; x++) {
-            int r = (int)(hypot(signed_bin(x, size), signed_bin(y, size)) + 0.5);
-            s->scratch[start[r < rings ? r : rings]++] = s->power[y * size + x];
-        }
-    }
-    for (int r = 0, first = 0; r <= rings; r++) {
-        int count = start[r] - first;
-        qsort(s->scratch + first, (size_t)count, sizeof *s->scratch, compare_floats);
-        s->ring_median[r] = count > 0 ? s->scratch[first + count / 2] : 0.0f;
-        first = start[r];
+    float least = (float)FLOOR * highest + 1e-20f;
+    for (int r = 0; r < s->ring_count; r++) {
+        int first = s->ring_start[r], n = s->ring_start[r + 1] - first;
+        float q = n > 0 ? select_kth(s->scratch + first, n, (int)(NOISE_QUANTILE * n)) : 0.0f;
+        s->noise[r] = fmaxf((float)((double)q / -log(1.0 - NOISE_QUANTILE)), least);
     }
 }
 
-static float power_at(const tsuya_spectrum *s, int x, int y)
+__attribute__((target_clones("avx2", "default"))) static void highest_of_three(float *restrict out, const float *restrict a,
+                                                                               const float *restrict b, const float *restrict c, int n)
 {
-    int size = s->size;
-    return s->power[((y % size + size) % size) * size + (x % size + size) % size];
+    for (int i = 0; i < n; i++) {
+        float ab = a[i] > b[i] ? a[i] : b[i];
+        out[i] = ab > c[i] ? ab : c[i];
+    }
 }
 
-/* Vertex of the parabola through the logarithms of three powers, in (−½, ½). */
-static double parabola(double left, double middle, double right)
+/* scratch: highest power of the 3 × 3 bins around. */
+static void dilate(tsuya_spectrum *s)
 {
-    double a = log(left + 1e-30), b = log(middle + 1e-30), c = log(right + 1e-30), curve = a - 2.0 * b + c;
+    int size = s->size, half = size / 2, stride = s->fourier.stride;
+    float *across = s->level; /* borrowed */
+    for (int kx = 0; kx < size; kx++) {
+        highest_of_three(across + kx * stride, s->power + ((kx + size - 1) & (size - 1)) * stride, s->power + kx * stride,
+                         s->power + ((kx + 1) & (size - 1)) * stride, stride);
+    }
+    for (int kx = 0; kx < size; kx++) {
+        const float *row = across + kx * stride;
+        float *out = s->scratch + kx * stride;
+        highest_of_three(out + 1, row, row + 1, row + 2, half - 1);
+        int mirror = ((size - kx) & (size - 1)) * stride;
+        out[0] = fmaxf(fmaxf(row[0], row[1]), across[mirror + 1]);
+        out[half] = fmaxf(fmaxf(row[half], row[half - 1]), across[mirror + half - 1]);
+    }
+}
+
+static double parabola(float left, float middle, float right)
+{
+    double a = log((double)left + 1e-30), b = log((double)middle + 1e-30), c = log((double)right + 1e-30), curve = a - 2.0 * b + c;
     double offset = curve < -1e-12 ? 0.5 * (a - c) / curve : 0.0;
     return fmin(fmax(offset, -0.5), 0.5);
 }
 
-/* Power near a frequency over its ring's median: is there something? */
-static double contrast_at(const tsuya_spectrum *s, double fx, double fy)
+static void keep_peak(tsuya_spectrum *s, int kx, int ky, float level)
 {
-    int size = s->size, bx = (int)lround(fx * size), by = (int)lround(fy * size);
-    if (abs(bx) > size / 2 - 2 || abs(by) > size / 2 - 2) {
-        return 0.0;
-    }
-    float best = 0.0f;
-    for (int j = -1; j <= 1; j++) {
-        for (int i = -1; i <= 1; i++) {
-            best = fmaxf(best, power_at(s, bx + i, by + j));
+    const float *p = s->power;
+    int x = signed_bin(s, kx);
+    tsuya_peak peak = {.level = level};
+    peak.fx = (float)((x + parabola(p[bin_index(s, x - 1, ky)], p[bin_index(s, x, ky)], p[bin_index(s, x + 1, ky)])) / s->size);
+    peak.fy = (float)((ky + parabola(p[bin_index(s, x, ky - 1)], p[bin_index(s, x, ky)], p[bin_index(s, x, ky + 1)])) / s->size);
+    int place = s->peak_count < TSUYA_PEAKS ? s->peak_count++ : TSUYA_PEAKS;
+    while (place > 0 && s->peak[place - 1].level < level) {
+        if (place < TSUYA_PEAKS) {
+            s->peak[place] = s->peak[place - 1];
         }
+        place--;
     }
-    int r = (int)(hypot(bx, by) + 0.5);
-    return (double)best / ((double)s->ring_median[r < size / 2 ? r : size / 2] + 1e-20);
+    if (place < TSUYA_PEAKS) {
+        s->peak[place] = peak;
+    }
 }
 
-/* The strongest local maxima of the upper half plane, by power. */
-static int find_peaks(const tsuya_spectrum *s, peak *list)
+/* Levels everywhere, and the local maxima among the powers. */
+static void find_peaks(tsuya_spectrum *s)
 {
-    int size = s->size, count = 0;
-    double nearest = PERIODS_LEAST / s->n, farthest = 1.0 / SHORTEST_PERIOD;
-    for (int y = 0; y <= size / 2 - 2; y++) {
-        for (int x = -(size / 2 - 2); x <= size / 2 - 2; x++) {
-            double f = hypot(x, y) / size;
-            if (f < nearest || f > farthest || (y == 0 && x < 0)) {
-                continue;
-            }
-            float value = power_at(s, x, y);
-            bool highest = true;
-            for (int j = -2; j <= 2 && highest; j++) {
-                for (int i = -2; i <= 2 && highest; i++) {
-                    highest = (i == 0 && j == 0) || power_at(s, x + i, y + j) <= value;
+    int size = s->size, half = size / 2, stride = s->fourier.stride;
+    s->peak_count = 0;
+    for (int kx = 0; kx < size; kx++) {
+        for (int ky = 0; ky <= half; ky++) {
+            int i = kx * stride + ky, ring = s->ring[i];
+            float level = 0.0f;
+            if (ring >= 0) {
+                level = logf(1.0f + s->scratch[i] / s->noise[ring]);
+                bool own = s->scratch[i] == s->power[i] && level > LEAST_LEVEL; /* highest of its neighbours */
+                if (own && ky < half && kx != half && (ky > 0 || kx < half)) {
+                    keep_peak(s, kx, ky, level);
                 }
             }
-            double contrast = highest ? contrast_at(s, (double)x / size, (double)y / size) : 0.0;
-            if (contrast < LEAST_CONTRAST) {
-                continue;
-            }
-            peak p = {.power = (double)value, .contrast = contrast};
-            p.fx = (x + parabola((double)power_at(s, x - 1, y), (double)value, (double)power_at(s, x + 1, y))) / size;
-            p.fy = (y + parabola((double)power_at(s, x, y - 1), (double)value, (double)power_at(s, x, y + 1))) / size;
-            int place = count < MOST_PEAKS ? count++ : MOST_PEAKS;
-            while (place > 0 && list[place - 1].power < p.power) {
-                if (place < MOST_PEAKS) {
-                    list[place] = list[place - 1];
-                }
-                place--;
-            }
-            if (place < MOST_PEAKS) {
-                list[place] = p;
-            }
+            s->level[i] = level;
         }
     }
-    return count;
 }
 
-static double sine_between(const peak *a, const peak *b)
+static void sum_directions(tsuya_spectrum *s)
 {
-    return fabs(a->fx * b->fy - a->fy * b->fx) / (hypot(a->fx, a->fy) * hypot(b->fx, b->fy));
-}
-
-/* What speaks for a pair: both contrasts and those of the second harmonics, in logarithms. */
-static double pair_score(const tsuya_spectrum *s, const peak *a, const peak *b)
-{
-    double own = log(a->contrast) + log(b->contrast);
-    double harmonics = log(1.0 + contrast_at(s, 2 * a->fx, 2 * a->fy)) + log(1.0 + contrast_at(s, 2 * b->fx, 2 * b->fy));
-    return (own + 0.5 * harmonics) * sine_between(a, b);
-}
-
-/* The listed peak nearest to a frequency (or its opposite) within a bin and a half; NULL where there is none. */
-static const peak *near(const tsuya_spectrum *s, const peak *list, int count, double fx, double fy)
-{
-    for (int i = 0; i < count; i++) {
-        double there = hypot(list[i].fx - fx, list[i].fy - fy), opposite = hypot(list[i].fx + fx, list[i].fy + fy);
-        if (fmin(there, opposite) * s->size < 1.5) {
-            return &list[i];
-        }
+    float sum[TSUYA_DIRECTIONS] = {0}, all = 1e-20f;
+    int count = s->ring_start[s->ring_count];
+    for (int k = 0; k < count; k++) {
+        int i = s->order[k];
+        float above = s->power[i] - s->noise[s->ring[i]];
+        sum[s->direction[i]] += above > 0.0f ? above * s->steepness[i] : 0.0f;
     }
-    return NULL;
+    for (int d = 0; d < TSUYA_DIRECTIONS; d++) {
+        int before = (d + TSUYA_DIRECTIONS - 1) % TSUYA_DIRECTIONS, after = (d + 1) % TSUYA_DIRECTIONS;
+        s->energy[d] = sum[before] + 2.0f * sum[d] + sum[after];
+        all += s->energy[d];
+    }
+    for (int d = 0; d < TSUYA_DIRECTIONS; d++) {
+        s->energy[d] *= TSUYA_DIRECTIONS / all;
+    }
 }
 
-static tsuya_thread_family family_of(const peak *p)
+bool tsuya_spectrum_run(tsuya_spectrum *s, const float *values)
 {
-    double along = atan2(p->fx, p->fy); /* image y down: frequency (fx, fy) down means (fx, −fy) up; threads at right angles */
-    double angle = fmod(along + 2.0 * M_PI, M_PI);
-    return (tsuya_thread_family){true, angle, 1.0 / hypot(p->fx, p->fy), 0.01};
-}
-
-static double logistic(double x)
-{
-    return 1.0 / (1.0 + exp(-x));
-}
-
-tsuya_status tsuya_spectrum_threads(tsuya_spectrum *s, tsuya_threads *threads, float *values)
-{
-    peak list[MOST_PEAKS];
-    *threads = (tsuya_threads){0};
+    s->peak_count = 0;
     if (!prepare(s, values)) {
-        return TSUYA_OK;
+        return false;
     }
-    TSUYA_TRY(tsuya_opencv_power_spectrum(s->power, s->padded, s->size));
-    ring_medians(s);
-    int count = find_peaks(s, list);
-    if (count == 0) {
-        return TSUYA_OK;
-    }
-    const peak *a = NULL, *b = NULL;
-    double best = 0.0;
-    for (int i = 0; i < count; i++) {
-        for (int j = i + 1; j < count; j++) {
-            if (sine_between(&list[i], &list[j]) > 0.77 && pair_score(s, &list[i], &list[j]) > best) { /* within 40° of square */
-                best = pair_score(s, &list[i], &list[j]);
-                a = &list[i];
-                b = &list[j];
-            }
-        }
-    }
-    if (!a) {
-        threads->a = family_of(&list[0]);
-        threads->confidence = 0.1; /* one family: which of the two, nobody knows */
-        return TSUYA_OK;
-    }
-    const peak *sum = near(s, list, count, a->fx + b->fx, a->fy + b->fy), *difference = near(s, list, count, a->fx - b->fx, a->fy - b->fy);
-    if (sum && difference && sum != difference) { /* the pair was the crossing pattern */
-        a = sum->power >= difference->power ? sum : difference;
-        b = a == sum ? difference : sum;
-    }
-    threads->a = family_of(a);
-    threads->b = family_of(b);
-    double weaker = fmin(a->contrast, b->contrast), shared = 0.0, all = 0.0;
-    for (int i = 0; i < count; i++) {
-        all += list[i].power;
-        shared += &list[i] == a || &list[i] == b ? list[i].power : 0.0;
-    }
-    threads->confidence = logistic(1.6 * (log(weaker) - log(150.0))) * fmin(1.0, 0.4 + shared / all);
-    return TSUYA_OK;
+    tsuya_fourier_run(&s->fourier, s->padded);
+    square_all(s->power, s->fourier.re, s->fourier.im, s->size * s->fourier.stride);
+    judge_noise(s);
+    dilate(s);
+    find_peaks(s);
+    sum_directions(s);
+    return true;
 }
+
+float tsuya_spectrum_level(const tsuya_spectrum *s, double fx, double fy)
+{
+    if (!(fabs(fx) < 0.5 && fabs(fy) < 0.5)) {
+        return 0.0f;
+    }
+    return s->level[bin_index(s, (int)lrint(fx * s->size), (int)lrint(fy * s->size))];
+}
+
+float tsuya_spectrum_energy(const tsuya_spectrum *s, double fx, double fy) { return logf(s->energy[direction_of(fx, fy)] + 0.02f); }

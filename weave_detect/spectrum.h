@@ -1,20 +1,49 @@
-/* The two thread directions of one patch, from the peaks of its power spectrum.
+/* The power spectrum of a patch, how far it stands above its noise, and its peaks.
  *
- * Threads that run along a direction θ with a spacing p make a line of peaks k/p at right angles to θ.  Where the two
- * families cross, a weave adds peaks at rational combinations of the two (plain: (½, ½); twill: its diagonal), which are no
- * threads.  So peaks are judged as pairs: a pair is good when each member carries harmonics of its own, and when the sum
- * and the difference of a candidate pair are strong peaks themselves, those two are the threads and the candidates are the
- * crossing pattern. */
+ * Mean and slope are taken out (lamp), a Hann window is put on.  Noise is judged by rings of equal frequency: 3/10 of the powers of
+ * a ring lie below ln(10/7) of its mean where there is noise alone, and peaks, being few, hardly move that quantile. */
 #ifndef TSUYA_WEAVE_DETECT_SPECTRUM_H
 #define TSUYA_WEAVE_DETECT_SPECTRUM_H
 
-#include "weave_detect/threads.h"
+#include "weave_detect/fourier.h"
 
-typedef struct tsuya_spectrum tsuya_spectrum; /* workspace of one thread */
+#include <stdbool.h>
+#include <stdint.h>
+
+enum { TSUYA_PEAKS = 24, TSUYA_DIRECTIONS = 32 };
+
+typedef struct tsuya_peak {
+    float fx, fy;  /* cycles a pixel, x right, y down; fy ≥ 0 half plane */
+    float level;   /* ln(1 + power / noise) */
+} tsuya_peak;
+
+typedef struct tsuya_spectrum {
+    int n, size;   /* patch, transform: the next power of two */
+    tsuya_fourier fourier;
+    float *window, *padded;
+    float *power;  /* laid out as in fourier.h */
+    float *level;  /* ln(1 + highest power of the 3 × 3 bins around, over noise) */
+    float *scratch, *noise;
+    int *ring, *order, *ring_start, ring_count;
+    uint8_t *direction; /* of each bin, in TSUYA_DIRECTIONS steps of the half turn, along f = (cos, sin) */
+    float *steepness;   /* |f|², the weight of a bin among gradients */
+    float energy[TSUYA_DIRECTIONS]; /* of gradients above the noise, smoothed, mean 1 */
+    float *detrended;  /* n × n: mean and slope out, no window */
+    double variance;   /* of detrended */
+    tsuya_peak peak[TSUYA_PEAKS]; /* highest level first */
+    int peak_count;
+} tsuya_spectrum;
+
 /* Patches of n × n pixels, n even, 16 … 512. */
 TSUYA_MUST_CHECK tsuya_status tsuya_spectrum_create(tsuya_spectrum **spectrum, int n);
 void tsuya_spectrum_free(tsuya_spectrum *spectrum);
-/* values: n × n grey, rows top to bottom; changed (mean and slope removed, windowed). */
-TSUYA_MUST_CHECK tsuya_status tsuya_spectrum_threads(tsuya_spectrum *spectrum, tsuya_threads *threads, float *values);
+/* values: n × n grey, rows top to bottom.  False for a flat patch, whose spectrum is not made. */
+bool tsuya_spectrum_run(tsuya_spectrum *spectrum, const float *values);
+
+/* ln of the energy of gradients that run along f. */
+float tsuya_spectrum_energy(const tsuya_spectrum *spectrum, double fx, double fy);
+
+/* The level at the bin nearest to a frequency; 0 beyond what pixels carry and near frequency 0. */
+float tsuya_spectrum_level(const tsuya_spectrum *spectrum, double fx, double fy);
 
 #endif

@@ -5,9 +5,7 @@
 #include "core/image.h"
 #include "core/memory.h"
 #include "core/raster.h"
-#include "weave_detect/flow.h"
-#include "weave_detect/opencv_adapter.h"
-#include "weave_detect/spectrum.h"
+#include "weave_detect/detector.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -138,35 +136,30 @@ static void set_directions(patch_node *node, const view_job *job, const tsuya_th
     node->flow_weight = t->flow_coherence;
 }
 
-static tsuya_status look(patch_node *node, const view_job *job, tsuya_spectrum *spectrum, float *values, int x0, int y0)
+static void look(patch_node *node, const view_job *job, tsuya_detector *detector, float *values, int x0, int y0)
 {
     plane fit;
     *node = (patch_node){0};
     if (!fit_plane(&fit, job, x0, y0)) {
-        return TSUYA_OK;
+        return;
     }
     double distance = tsuya_vec3_norm(fit.centre), facing = -tsuya_vec3_dot(fit.normal, fit.centre) / distance;
     double spacing = fit.centre.z / job->camera->fx_px;
     if (facing < COS_MIN || fit.rms > FLATNESS * job->patch_px * spacing) {
-        return TSUYA_OK;
+        return;
     }
     tsuya_vec3 right = tsuya_vec3_tangent((tsuya_vec3){1, 0, 0}, fit.normal), down = tsuya_vec3_cross(right, fit.normal);
     down = down.y < 0.0 ? tsuya_vec3_scale(down, -1.0) : down;
     if (!rectify(values, job, fit.centre, right, down, spacing)) {
-        return TSUYA_OK;
+        return;
     }
-    tsuya_threads threads = {0};
-    tsuya_flow(&threads, values, job->patch_px);
-    double flow_rad = threads.flow_rad, coherence = threads.flow_coherence;
-    TSUYA_TRY(tsuya_spectrum_threads(spectrum, &threads, values));
-    threads.flow_rad = flow_rad;
-    threads.flow_coherence = coherence;
+    tsuya_threads threads;
+    tsuya_detector_run(detector, &threads, values);
     set_directions(node, job, &threads, right, down, spacing);
     node->position = tsuya_pose_apply(tsuya_pose_inverse(job->view->camera_from_world), fit.centre);
     node->normal = in_world(job, fit.normal);
     node->facing = facing;
     node->valid = true;
-    return TSUYA_OK;
 }
 
 static tsuya_status look_everywhere(const view_job *job, const tsuya_context *context)
@@ -175,22 +168,22 @@ static tsuya_status look_everywhere(const view_job *job, const tsuya_context *co
     size_t area = (size_t)job->patch_px * (size_t)job->patch_px;
 #pragma omp parallel num_threads(context->threads)
     {
-        tsuya_spectrum *spectrum = NULL;
+        tsuya_detector *detector = NULL;
         float *values = tsuya_calloc(area, sizeof *values);
-        tsuya_status status = values ? tsuya_spectrum_create(&spectrum, job->patch_px) : TSUYA_ERROR_MEMORY;
+        tsuya_status status = values ? tsuya_detector_create(&detector, job->patch_px, NULL) : TSUYA_ERROR_MEMORY;
 #pragma omp for schedule(dynamic, 1)
         for (int row = 0; row < job->rows; row++) {
             tsuya_status own = status;
             for (int column = 0; own == TSUYA_OK && column < job->columns; column++) {
                 patch_node *n = &job->node[(size_t)row * (size_t)job->columns + (size_t)column];
-                own = look(n, job, spectrum, values, column * job->step_px, row * job->step_px);
+                look(n, job, detector, values, column * job->step_px, row * job->step_px);
             }
             if (own != TSUYA_OK) {
 #pragma omp critical(tsuya_weave_votes)
                 tsuya_failure_keep(&failure, (size_t)row, own);
             }
         }
-        tsuya_spectrum_free(spectrum);
+        tsuya_detector_free(detector);
         tsuya_free(values);
     }
     return tsuya_failure_raise(&failure);
@@ -402,7 +395,6 @@ tsuya_status tsuya_votes_gather(tsuya_votes *votes, const tsuya_mesh *mesh, cons
     TSUYA_NEW(status, votes->vote, mesh->vertex_count * TSUYA_VOTES);
     TSUYA_NEW(status, votes->count, mesh->vertex_count);
     TSUYA_GOTO_DONE(status, tsuya_sparse_model_load(&model, sparse));
-    tsuya_opencv_single_thread();
     TSUYA_GOTO_DONE(status, gather_views(votes, &list, &model, mesh, options, context));
     if (list.count > 0) {
         qsort(list.value, list.count, sizeof *list.value, compare_floats);

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { FINE = 3, MARGIN_PX = 6, DRAW_MOST = 600 };
+enum { FINE = 3, MARGIN_PX = 4, DRAW_MOST = 600 };
 
 const char *weave_draft_name(weave_draft draft)
 {
@@ -42,8 +42,25 @@ weave_camera weave_camera_default(void) { return (weave_camera){.blur_px = 0.4, 
 /* A random number of thread `i` of a family, standard normal but cut at 2. */
 static double thread_random(const weave_cloth *c, int family, int i, int what)
 {
-    double r = tsuya_random_normal(c->seed, (uint64_t)(10 + 4 * family + what), (uint64_t)(uint32_t)(i + 100000));
+    double r = tsuya_random_normal(c->seed, (uint64_t)(10 + 4 * family + what), (uint64_t)(uint32_t)i);
     return fmin(fmax(r, -2.0), 2.0);
+}
+
+void weave_loom_set(weave_loom *loom, const weave_cloth *cloth)
+{
+    double lamp = tsuya_rad_from_deg(cloth->lamp_azimuth_deg), elevation = tsuya_rad_from_deg(cloth->lamp_height_deg);
+    loom->cloth = *cloth;
+    for (int family = 0; family < 2; family++) {
+        double angle = tsuya_rad_from_deg(family == 0 ? cloth->weft_deg : cloth->warp_deg);
+        loom->lamp[family][0] = cos(elevation) * cos(lamp - angle);
+        loom->lamp[family][1] = cos(elevation) * sin(lamp - angle);
+        loom->lamp[family][2] = sin(elevation);
+        for (int i = 0; i < WEAVE_THREADS; i++) {
+            loom->offset[family][i] = cloth->uneven > 0.0 ? cloth->uneven * thread_random(cloth, family, i, 0) : 0.0;
+            loom->width[family][i] = cloth->fill * (1.0 + (cloth->uneven > 0.0 ? cloth->uneven * thread_random(cloth, family, i, 1) : 0.0));
+            loom->fibre_phase[family][i] = cloth->fibre > 0.0 ? 6.3 * thread_random(cloth, family, i, 2) : 0.0;
+        }
+    }
 }
 
 typedef struct thread {
@@ -53,15 +70,14 @@ typedef struct thread {
 } thread;
 
 /* The thread of a family nearest to a coordinate. */
-static thread nearest_thread(const weave_cloth *c, int family, double at)
+static thread nearest_thread(const weave_loom *l, int family, double at)
 {
     thread best = {0, 1e9, 1.0};
-    int middle = (int)lround(at), reach = c->uneven > 0.0 ? 1 : 0;
+    int middle = (int)floor(at + 0.5), reach = l->cloth.uneven > 0.0 ? 1 : 0;
     for (int i = middle - reach; i <= middle + reach; i++) {
-        double offset = at - i - (c->uneven > 0.0 ? c->uneven * thread_random(c, family, i, 0) : 0.0);
+        double offset = at - i - l->offset[family][i & (WEAVE_THREADS - 1)];
         if (fabs(offset) < fabs(best.offset)) {
-            double width = c->fill * (1.0 + (c->uneven > 0.0 ? c->uneven * thread_random(c, family, i, 1) : 0.0));
-            best = (thread){i, offset, width};
+            best = (thread){i, offset, l->width[family][i & (WEAVE_THREADS - 1)]};
         }
     }
     return best;
@@ -76,48 +92,63 @@ static double centre_line(double *slope, const weave_cloth *c, int family, int i
         bool warp_over = family == 0 ? weave_warp_over(c->draft, index, before + k) : weave_warp_over(c->draft, before + k, index);
         h[k] = (family == 0) == warp_over ? -c->crimp : c->crimp;
     }
+    if (h[0] == h[1]) {
+        *slope = 0.0;
+        return h[0];
+    }
     *slope = 0.5 * M_PI * sin(M_PI * t) * (h[1] - h[0]);
     return h[0] + 0.5 * (1.0 - cos(M_PI * t)) * (h[1] - h[0]);
 }
 
 /* Streaks along the thread that run at a slant, as twisted fibres do. */
-static double fibres(const weave_cloth *c, int family, int index, double across, double along)
+static double fibres(const weave_loom *l, int family, int index, double across, double along)
 {
-    double phase = 6.3 * thread_random(c, family, index, 2);
-    return c->fibre * sin(9.0 * across + 2.5 * along + phase) + 0.5 * c->fibre * sin(17.0 * across - 1.3 * along + 2.0 * phase);
+    double phase = l->fibre_phase[family][index & (WEAVE_THREADS - 1)];
+    return l->cloth.fibre * (sin(9.0 * across + 2.5 * along + phase) + 0.5 * sin(17.0 * across - 1.3 * along + 2.0 * phase));
 }
 
-/* Height and brightness of one thread at a point; false beside it. */
-static bool thread_surface(double *height, double *light, const weave_cloth *c, int family, double across, double along)
+typedef struct ridge {
+    thread thread;
+    double x, round, height, slope; /* x: across, −1 … 1 from rim to rim */
+} ridge;
+
+/* The thread's surface at a point; false beside it. */
+static bool set_ridge(ridge *r, const weave_loom *l, int family, double across, double along)
 {
-    thread t = nearest_thread(c, family, across);
-    double x = 2.0 * t.offset / t.width, slope;
-    if (fabs(x) >= 1.0) {
+    r->thread = nearest_thread(l, family, across);
+    r->x = 2.0 * r->thread.offset / r->thread.width;
+    if (fabs(r->x) >= 1.0) {
         return false;
     }
-    double round = sqrt(1.0 - x * x);
-    double z = centre_line(&slope, c, family, t.index, along);
-    *height = z + round;
-    /* normal of the ridge: across it, along it, up; half the roundness of a full circle: yarns are flattened */
-    double n_across = 0.8 * x, n_along = -0.35 * slope, n_up = round + 0.25;
-    double length = sqrt(n_across * n_across + n_along * n_along + n_up * n_up);
-    double angle = tsuya_rad_from_deg(family == 0 ? c->weft_deg : c->warp_deg), lamp = tsuya_rad_from_deg(c->lamp_azimuth_deg);
-    double elevation = tsuya_rad_from_deg(c->lamp_height_deg);
-    double lx = cos(elevation) * cos(lamp - angle), ly = cos(elevation) * sin(lamp - angle), lz = sin(elevation);
-    double lambert = fmax((n_along * lx + n_across * ly + n_up * lz) / length, 0.0);
-    double albedo = (family == 0 ? c->weft_albedo : c->warp_albedo) * (1.0 + fibres(c, family, t.index, t.offset, along));
-    *light = albedo * (0.3 + 0.7 * lambert) * (0.75 + 0.25 * fmin(fmax(z / c->crimp, -1.0), 1.0)); /* deeper parts are darker */
+    r->round = sqrt(1.0 - r->x * r->x);
+    r->height = centre_line(&r->slope, &l->cloth, family, r->thread.index, along) + r->round;
     return true;
 }
 
-double weave_brightness(const weave_cloth *c, double pick, double end)
+static double ridge_light(const ridge *r, const weave_loom *l, int family, double along)
 {
-    double height[2], light[2];
-    bool weft = thread_surface(&height[0], &light[0], c, 0, pick, end), warp = thread_surface(&height[1], &light[1], c, 1, end, pick);
-    if (weft && warp) {
-        return height[0] > height[1] ? light[0] : light[1];
+    const weave_cloth *c = &l->cloth;
+    /* normal of the ridge: along it, across it, up; less steep than a full circle: yarns are flattened */
+    double n_across = 0.8 * r->x, n_along = -0.35 * r->slope, n_up = r->round + 0.25;
+    double length = sqrt(n_across * n_across + n_along * n_along + n_up * n_up);
+    const double *lamp = l->lamp[family];
+    double lambert = fmax((n_along * lamp[0] + n_across * lamp[1] + n_up * lamp[2]) / length, 0.0);
+    double albedo = family == 0 ? c->weft_albedo : c->warp_albedo;
+    if (c->fibre > 0.0) {
+        albedo *= 1.0 + fibres(l, family, r->thread.index, r->thread.offset, along);
     }
-    return weft ? light[0] : warp ? light[1] : c->ground;
+    return albedo * (0.3 + 0.7 * lambert) * (0.75 + 0.25 * fmin(fmax(r->height / c->crimp, -1.0), 1.0)); /* deeper parts are darker */
+}
+
+double weave_brightness(const weave_loom *l, double pick, double end)
+{
+    ridge r[2];
+    bool weft = set_ridge(&r[0], l, 0, pick, end), warp = set_ridge(&r[1], l, 1, end, pick);
+    if (!weft && !warp) {
+        return l->cloth.ground;
+    }
+    int seen = weft && (!warp || r[0].height > r[1].height) ? 0 : 1;
+    return ridge_light(&r[seen], l, seen, seen == 0 ? end : pick);
 }
 
 /* Thread coordinates of a point in px from the patch's centre, x right, y down.  Picks count upwards across the weft. */
@@ -151,16 +182,20 @@ static int make_kernel(float *kernel, double s)
 void weave_draw_clean(float *values, int n, const weave_cloth *cloth, const weave_camera *camera)
 {
     int side = (n + 2 * MARGIN_PX) * FINE;
+    weave_loom loom;
     float kernel[256], *fine = malloc(sizeof *fine * (size_t)side * (size_t)side), *rows = calloc((size_t)side * (size_t)n, sizeof *rows);
     if (!fine || !rows || n > DRAW_MOST) {
         abort();
     }
+    weave_loom_set(&loom, cloth);
     int half = make_kernel(kernel, fmin(camera->blur_px, 0.3 * MARGIN_PX) * FINE);
     for (int j = 0; j < side; j++) {
-        for (int i = 0; i < side; i++) {
-            double pick, end;
-            thread_coordinates(&pick, &end, cloth, (i + 0.5 - 0.5 * side) / FINE, (j + 0.5 - 0.5 * side) / FINE);
-            fine[(size_t)j * (size_t)side + (size_t)i] = (float)weave_brightness(cloth, pick, end);
+        double pick, end, next_pick, next_end, y = (j + 0.5 - 0.5 * side) / FINE;
+        thread_coordinates(&pick, &end, cloth, (0.5 - 0.5 * side) / FINE, y);
+        thread_coordinates(&next_pick, &next_end, cloth, (1.5 - 0.5 * side) / FINE, y);
+        double pick_step = next_pick - pick, end_step = next_end - end;
+        for (int i = 0; i < side; i++, pick += pick_step, end += end_step) {
+            fine[(size_t)j * (size_t)side + (size_t)i] = (float)weave_brightness(&loom, pick, end);
         }
     }
     for (int j = 0; j < side; j++) {
@@ -243,7 +278,8 @@ static void invert(double a[6][12])
 
 void weave_bound(double *weft_rad, double *warp_rad, int n, const weave_cloth *cloth, const weave_camera *camera, double sigma)
 {
-    static const double step[6] = {0.05, 0.05, 0.004, 0.004, 0.01, 0.01}; /* degrees, px, threads */
+    /* Degrees, px, threads: a quarter of a pixel at the patch's rim, so that the threads' hard edges cross about a whole fine sample. */
+    static const double step[6] = {0.4, 0.4, 0.05, 0.05, 0.04, 0.04};
     size_t area = (size_t)n * (size_t)n;
     float *d = malloc(sizeof *d * area * 6), *other = malloc(sizeof *other * area);
     double a[6][12] = {{0}};

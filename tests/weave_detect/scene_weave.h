@@ -50,8 +50,18 @@ typedef struct weave_camera {
 
 weave_camera weave_camera_default(void);
 
-/* Brightness of the cloth at thread coordinates: pick and end numbers, whole at the threads' centres. */
-double weave_brightness(const weave_cloth *cloth, double pick, double end);
+enum { WEAVE_THREADS = 256 }; /* thread numbers repeat modulo this */
+
+/* A cloth with everything about it that is drawn by lot. */
+typedef struct weave_loom {
+    weave_cloth cloth;
+    double lamp[2][3]; /* along, across, up of each family */
+    double offset[2][WEAVE_THREADS], width[2][WEAVE_THREADS], fibre_phase[2][WEAVE_THREADS];
+} weave_loom;
+
+void weave_loom_set(weave_loom *loom, const weave_cloth *cloth);
+/* Brightness at thread coordinates: pick and end numbers, whole at the threads' centres. */
+double weave_brightness(const weave_loom *loom, double pick, double end);
 
 /* values: n × n, rows top to bottom. */
 void weave_draw(float *values, int n, const weave_cloth *cloth, const weave_camera *camera);

@@ -1,0 +1,464 @@
+#include "weave_detect/refine.h"
+
+#include "core/memory.h"
+
+#include <math.h>
+#include <string.h>
+
+static const float TONE_LEVEL = 1.8f;      /* ln(1 + power/noise) of a point that is worth fitting */
+static const double RIM = 0.04;            /* of the side on which the window rises */
+static const double STRAY_BINS = 0.6;      /* a tone that is farther than that from where the lattice has it is given up */
+static const int REACH = 3;                /* lattice points up to |a| ≤ 3 are looked at */
+
+typedef struct tone {
+    double a1, a2;      /* place in the lattice */
+    double fx, fy;      /* where it is looked at, then where it was found */
+    double re, im;      /* amplitude of e^{2πi f·x} from the patch's middle; the tone is 2·Re */
+    double raw[6];      /* Σ w v e^{−iφ} {1, x, y}, real and imaginary parts */
+    float level;
+    bool lost;
+} tone;
+
+/* Transform of the window along one axis, and of x·window (over i), by a table. */
+static void make_transform(tsuya_refiner *r)
+{
+    int n = r->n, steps = n * TSUYA_WINDOW_STEPS + 2;
+    for (int k = 0; k < steps; k++) {
+        double f = (double)k / (n * TSUYA_WINDOW_STEPS), even = 0.0, odd = 0.0;
+        for (int x = 0; x < n; x++) {
+            double d = x - 0.5 * (n - 1);
+            even += (double)r->window[x] * cos(2.0 * M_PI * f * d);
+            odd += (double)r->window[x] * d * sin(2.0 * M_PI * f * d);
+        }
+        r->transform[2 * k] = (float)even;
+        r->transform[2 * k + 1] = (float)odd;
+    }
+}
+
+tsuya_status tsuya_refiner_create(tsuya_refiner **refiner, int n)
+{
+    tsuya_status status = TSUYA_OK;
+    tsuya_refiner *r = tsuya_calloc(1, sizeof *r);
+    *refiner = NULL;
+    if (!r) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    r->n = n;
+    TSUYA_NEW(status, r->window, (size_t)n);
+    TSUYA_NEW(status, r->plain, (size_t)n * (size_t)n);
+    TSUYA_NEW(status, r->wave, 4 * (size_t)n);
+    TSUYA_NEW(status, r->transform, 2 * ((size_t)n * TSUYA_WINDOW_STEPS + 2));
+    double xx = 0.0;
+    for (int i = 0; i < n; i++) {
+        double edge = fmin(i + 0.5, n - i - 0.5) / (RIM * n), d = i - 0.5 * (n - 1);
+        r->window[i] = (float)(edge >= 1.0 ? 1.0 : 0.5 - 0.5 * cos(M_PI * edge));
+        r->sum += (double)r->window[i];
+        xx += (double)r->window[i] * d * d;
+    }
+    r->sum_xx = xx * r->sum;
+    r->sum *= r->sum;
+    make_transform(r);
+    *refiner = r;
+done:
+    if (status != TSUYA_OK) {
+        tsuya_refiner_free(r);
+    }
+    return status;
+}
+
+void tsuya_refiner_free(tsuya_refiner *r)
+{
+    if (r) {
+        tsuya_free(r->window);
+        tsuya_free(r->plain);
+        tsuya_free(r->wave);
+        tsuya_free(r->transform);
+        tsuya_free(r);
+    }
+}
+
+/* The lattice points that carry most information about the frequencies: power × their own frequency's square. */
+static int choose_tones(tone *list, int most, const tsuya_spectrum *s, const tsuya_step *step, const double f[2][2])
+{
+    int count = 0, n = step->repeat;
+    double worth[TSUYA_TONES];
+    for (int k2 = 0; k2 <= REACH * n; k2++) {
+        double a2 = (double)k2 / n, offset = -(double)step->step * a2;
+        offset -= floor(offset);
+        for (int k1 = -REACH - 1; k1 <= REACH; k1++) {
+            double a1 = k1 + offset;
+            if (k2 == 0 && a1 < 0.5) {
+                continue; /* itself and its mirror */
+            }
+            tone t = {.a1 = a1, .a2 = a2, .fx = a1 * f[0][0] + a2 * f[1][0], .fy = a1 * f[0][1] + a2 * f[1][1]};
+            double ff = t.fx * t.fx + t.fy * t.fy;
+            t.level = tsuya_spectrum_level(s, t.fx, t.fy);
+            if (t.level < TONE_LEVEL || ff > 0.23 || ff * s->n * s->n < 3.6) {
+                continue;
+            }
+            double value = (exp((double)t.level) - 1.0) * (a1 * a1 + a2 * a2 + 0.05);
+            int place = count < most ? count++ : most;
+            while (place > 0 && worth[place - 1] < value) {
+                if (place < most) {
+                    list[place] = list[place - 1];
+                    worth[place] = worth[place - 1];
+                }
+                place--;
+            }
+            if (place < most) {
+                list[place] = t;
+                worth[place] = value;
+            }
+        }
+    }
+    return count;
+}
+
+static void set_wave(float *wave, double f, int n)
+{
+    double c = cos(2.0 * M_PI * f), s = sin(2.0 * M_PI * f), phase = -2.0 * M_PI * f * 0.5 * (n - 1), re = cos(phase), im = sin(phase);
+    for (int x = 0; x < n; x++) {
+        float from_middle = (float)(x - 0.5 * (n - 1));
+        wave[x] = (float)re;
+        wave[n + x] = (float)im;
+        wave[2 * n + x] = from_middle * (float)re;
+        wave[3 * n + x] = from_middle * (float)im;
+        double next = re * c - im * s;
+        im = re * s + im * c;
+        re = next;
+    }
+}
+
+/* Σ over a row of w·r·{cos, sin, x·cos, x·sin}, in eight lanes. */
+__attribute__((target_clones("avx2", "default"))) static void correlate_row(float sum[4], const float *restrict row, const float *restrict wave,
+                                                                            int n)
+{
+    float lane[4][8] = {{0}};
+    int x = 0;
+    for (; x + 8 <= n; x += 8) {
+        for (int k = 0; k < 8; k++) {
+            float v = row[x + k];
+            lane[0][k] += v * wave[x + k];
+            lane[1][k] += v * wave[n + x + k];
+            lane[2][k] += v * wave[2 * n + x + k];
+            lane[3][k] += v * wave[3 * n + x + k];
+        }
+    }
+    for (; x < n; x++) {
+        for (int q = 0; q < 4; q++) {
+            lane[q][0] += row[x] * wave[q * n + x];
+        }
+    }
+    for (int q = 0; q < 4; q++) {
+        const float *l = lane[q];
+        sum[q] = ((l[0] + l[4]) + (l[1] + l[5])) + ((l[2] + l[6]) + (l[3] + l[7]));
+    }
+}
+
+static void correlate(tone *t, tsuya_refiner *r)
+{
+    int n = r->n;
+    double step_c = cos(2.0 * M_PI * t->fy), step_s = sin(2.0 * M_PI * t->fy), phase = -M_PI * t->fy * (n - 1), c = cos(phase), s = sin(phase);
+    double *m = t->raw;
+    set_wave(r->wave, t->fx, n);
+    memset(m, 0, sizeof t->raw);
+    for (int y = 0; y < n; y++) {
+        float sum[4];
+        correlate_row(sum, r->plain + (size_t)y * (size_t)n, r->wave, n);
+        double from_middle = y - 0.5 * (n - 1);
+        /* e^{−i(φx + φy)} = (cos φx − i sin φx)(c − i s) */
+        double re = (double)sum[0] * c - (double)sum[1] * s, im = -(double)sum[0] * s - (double)sum[1] * c;
+        m[0] += re;
+        m[1] += im;
+        m[2] += (double)sum[2] * c - (double)sum[3] * s;
+        m[3] += -(double)sum[2] * s - (double)sum[3] * c;
+        m[4] += from_middle * re;
+        m[5] += from_middle * im;
+        double next = c * step_c - s * step_s;
+        s = c * step_s + s * step_c;
+        c = next;
+    }
+}
+
+/* The window's transform at a frequency difference along one axis: even part, and (over i) that of x·window. */
+static void window_transform(double out[2], const tsuya_refiner *r, double f)
+{
+    double at = fabs(f), sign = f < 0.0 ? -1.0 : 1.0;
+    at -= floor(at);
+    double step = at * r->n * TSUYA_WINDOW_STEPS;
+    int k = (int)step;
+    double u = step - k;
+    const float *p = r->transform + 2 * k;
+    out[0] = (double)p[0] + u * (double)(p[2] - p[0]);
+    out[1] = sign * ((double)p[1] + u * (double)(p[3] - p[1]));
+}
+
+/* What a tone of amplitude `re + i im` at a frequency difference d adds to another's moments. */
+static void leak(double m[6], const tsuya_refiner *r, double re, double im, double dx, double dy)
+{
+    double x[2], y[2];
+    window_transform(x, r, dx);
+    window_transform(y, r, dy);
+    double plain = x[0] * y[0], along_x = x[1] * y[0], along_y = x[0] * y[1];
+    m[0] += re * plain;
+    m[1] += im * plain;
+    m[2] -= im * along_x; /* i times the odd part */
+    m[3] += re * along_x;
+    m[4] -= im * along_y;
+    m[5] += re * along_y;
+}
+
+/* Moments of tone `t` without what all tones leak into it; its own mirror is one of them. */
+static void clean_moments(double m[6], const tsuya_refiner *r, const tone *list, int count, int t)
+{
+    double leaked[6] = {0};
+    for (int u = 0; u < count; u++) {
+        if (u != t) {
+            leak(leaked, r, list[u].re, list[u].im, list[u].fx - list[t].fx, list[u].fy - list[t].fy);
+        }
+        leak(leaked, r, list[u].re, -list[u].im, -list[u].fx - list[t].fx, -list[u].fy - list[t].fy);
+    }
+    for (int k = 0; k < 6; k++) {
+        m[k] = list[t].raw[k] - leaked[k];
+    }
+}
+
+/* Amplitudes, by Gauss–Seidel on the leaks; then each tone's own frequency, one Gauss–Newton step from where it was looked at. */
+static int measure_tones(tone *list, int count, tsuya_refiner *r)
+{
+    double m[6], bin = 1.0 / r->n;
+    for (int t = 0; t < count; t++) {
+        correlate(&list[t], r);
+        list[t].re = list[t].raw[0] / r->sum;
+        list[t].im = list[t].raw[1] / r->sum;
+    }
+    for (int round = 0; round < 2; round++) {
+        for (int t = 0; t < count; t++) {
+            clean_moments(m, r, list, count, t);
+            list[t].re = m[0] / r->sum;
+            list[t].im = m[1] / r->sum;
+        }
+    }
+    double step[TSUYA_TONES][2];
+    for (int t = 0; t < count; t++) {
+        double power = list[t].re * list[t].re + list[t].im * list[t].im, scale = 2.0 * M_PI * power * r->sum_xx;
+        clean_moments(m, r, list, count, t);
+        /* d/df of A e^{iφ} is 2πi x A e^{iφ}: df = Im(conj(A) M_x) / (2π |A|² Σ w x²) */
+        step[t][0] = (list[t].re * m[3] - list[t].im * m[2]) / scale;
+        step[t][1] = (list[t].re * m[5] - list[t].im * m[4]) / scale;
+        list[t].lost = !(hypot(step[t][0], step[t][1]) < STRAY_BINS * bin);
+    }
+    int kept = 0;
+    for (int t = 0; t < count; t++) {
+        if (!list[t].lost) {
+            list[kept] = list[t];
+            list[kept].fx += step[t][0];
+            list[kept++].fy += step[t][1];
+        }
+    }
+    return kept;
+}
+
+/* Of the windowed patch, what the tones leave. */
+static double left_variance(const tone *list, int count, double energy, double weight)
+{
+    double explained = 0.0;
+    for (int t = 0; t < count; t++) {
+        explained += 2.0 * (list[t].re * list[t].raw[0] + list[t].im * list[t].raw[1]);
+    }
+    return fmax(energy - explained, 1e-4 * energy) / weight;
+}
+
+/* Inverse of a symmetric 2 × 2. */
+static void invert2(double out[2][2], double xx, double xy, double yy)
+{
+    double det = xx * yy - xy * xy;
+    out[0][0] = yy / det;
+    out[0][1] = out[1][0] = -xy / det;
+    out[1][1] = xx / det;
+}
+
+/* Solves the 4 × 4 symmetric positive system and leaves the inverse in place. */
+static bool solve4(double inverse[4][4], double m[4][4])
+{
+    double a[4][8] = {{0}};
+    for (int r = 0; r < 4; r++) {
+        memcpy(a[r], m[r], sizeof m[r]);
+        a[r][4 + r] = 1.0;
+    }
+    for (int k = 0; k < 4; k++) {
+        if (!(a[k][k] > 0.0)) {
+            return false;
+        }
+        double scale = 1.0 / a[k][k];
+        for (int c = 0; c < 8; c++) {
+            a[k][c] *= scale;
+        }
+        for (int r = 0; r < 4; r++) {
+            double factor = r == k ? 0.0 : a[r][k];
+            for (int c = 0; c < 8; c++) {
+                a[r][c] -= factor * a[k][c];
+            }
+        }
+    }
+    for (int r = 0; r < 4; r++) {
+        memcpy(inverse[r], a[r] + 4, 4 * sizeof(double));
+    }
+    return true;
+}
+
+/* Weighted least squares of f1, f2; `smear`: variance of a family's points along its own frequency, per a². */
+static bool solve_lattice(double f[2][2], double inverse[4][4], const tone *list, int count, double tone_variance, const double smear[2])
+{
+    double m[4][4] = {{0}}, right[4] = {0}, unit[2][2];
+    for (int k = 0; k < 2; k++) {
+        double length = hypot(f[k][0], f[k][1]);
+        unit[k][0] = f[k][0] / length;
+        unit[k][1] = f[k][1] / length;
+    }
+    for (int t = 0; t < count; t++) {
+        double own = tone_variance / (list[t].re * list[t].re + list[t].im * list[t].im), w[2][2];
+        double q1 = list[t].a1 * list[t].a1 * smear[0], q2 = list[t].a2 * list[t].a2 * smear[1];
+        invert2(w, own + q1 * unit[0][0] * unit[0][0] + q2 * unit[1][0] * unit[1][0],
+                q1 * unit[0][0] * unit[0][1] + q2 * unit[1][0] * unit[1][1], own + q1 * unit[0][1] * unit[0][1] + q2 * unit[1][1] * unit[1][1]);
+        const double a[2] = {list[t].a1, list[t].a2};
+        double wf[2] = {w[0][0] * list[t].fx + w[0][1] * list[t].fy, w[1][0] * list[t].fx + w[1][1] * list[t].fy};
+        for (int i = 0; i < 2; i++) {
+            for (int x = 0; x < 2; x++) {
+                right[2 * i + x] += a[i] * wf[x];
+                for (int j = 0; j < 2; j++) {
+                    for (int y = 0; y < 2; y++) {
+                        m[2 * i + x][2 * j + y] += a[i] * a[j] * w[x][y];
+                    }
+                }
+            }
+        }
+    }
+    if (!solve4(inverse, m)) {
+        return false;
+    }
+    for (int r = 0; r < 4; r++) {
+        double sum = 0.0;
+        for (int c = 0; c < 4; c++) {
+            sum += inverse[r][c] * right[c];
+        }
+        f[r / 2][r % 2] = sum;
+    }
+    return true;
+}
+
+/* How far the points stray along each family's frequency, beyond their own noise. */
+static void measure_smear(double smear[2], double *scatter, const double f[2][2], const tone *list, int count, double tone_variance)
+{
+    double above[2] = {0.0, 0.0}, weight[2] = {0.0, 0.0}, chance[2] = {0.0, 0.0}, sum = 0.0;
+    for (int t = 0; t < count; t++) {
+        double own = tone_variance / (list[t].re * list[t].re + list[t].im * list[t].im);
+        double dx = list[t].fx - list[t].a1 * f[0][0] - list[t].a2 * f[1][0], dy = list[t].fy - list[t].a1 * f[0][1] - list[t].a2 * f[1][1];
+        const double a[2] = {list[t].a1, list[t].a2};
+        sum += (dx * dx + dy * dy) / (2.0 * own);
+        for (int k = 0; k < 2; k++) {
+            double length = hypot(f[k][0], f[k][1]), along = (dx * f[k][0] + dy * f[k][1]) / length, aa = a[k] * a[k];
+            above[k] += aa * (along * along - own);
+            weight[k] += aa * aa;
+            chance[k] += 2.0 * aa * aa * own * own;
+        }
+    }
+    for (int k = 0; k < 2; k++) {
+        smear[k] = above[k] > 2.0 * sqrt(chance[k]) ? 1.5 * above[k] / weight[k] : 0.0; /* 1.5: four unknowns came out of few points */
+    }
+    *scatter = sqrt(sum / count);
+}
+
+/* The patch under the window; Σ w v². */
+static double put_window(tsuya_refiner *r, const tsuya_spectrum *s)
+{
+    double energy = 0.0;
+    int n = r->n;
+    for (int y = 0; y < n; y++) {
+        const float *v = s->detrended + (size_t)y * (size_t)n;
+        float *out = r->plain + (size_t)y * (size_t)n, wy = r->window[y], lane[8] = {0};
+        for (int x = 0; x < n; x++) {
+            out[x] = v[x] * wy * r->window[x];
+        }
+        for (int x = 0; x < n; x++) {
+            lane[x & 7] += out[x] * v[x];
+        }
+        energy += (double)(((lane[0] + lane[4]) + (lane[1] + lane[5])) + ((lane[2] + lane[6]) + (lane[3] + lane[7])));
+    }
+    return energy;
+}
+
+static void set_sigmas(tsuya_refined *out, double inverse[4][4])
+{
+    for (int k = 0; k < 2; k++) {
+        double ff = out->f[k][0] * out->f[k][0] + out->f[k][1] * out->f[k][1], nx = -out->f[k][1], ny = out->f[k][0];
+        double across = nx * nx * inverse[2 * k][2 * k] + 2.0 * nx * ny * inverse[2 * k][2 * k + 1] + ny * ny * inverse[2 * k + 1][2 * k + 1];
+        out->sigma_rad[k] = sqrt(fmax(across, 0.0)) / ff;
+    }
+}
+
+bool tsuya_refine(tsuya_refined *out, tsuya_refiner *r, const tsuya_spectrum *s, const tsuya_basis *b, int rounds)
+{
+    tone list[TSUYA_TONES];
+    double inverse[4][4], smear[2] = {0.0, 0.0};
+    *out = (tsuya_refined){.sigma_rad = {0.05, 0.05}};
+    memcpy(out->f, b->f, sizeof out->f);
+    double energy = rounds > 0 ? put_window(r, s) : 0.0;
+    for (int round = 0; round < rounds; round++) {
+        int most = round + 1 < rounds ? TSUYA_TONES_FIRST : TSUYA_TONES;
+        int count = choose_tones(list, most, s, &tsuya_steps[b->step], (const double(*)[2])out->f);
+        count = measure_tones(list, count, r);
+        if (count < 2) {
+            memcpy(out->f, b->f, sizeof out->f);
+            return false;
+        }
+        double variance = left_variance(list, count, energy, r->sum), tone_variance = variance / (8.0 * M_PI * M_PI * r->sum_xx);
+        for (int pass = 0; pass < 3; pass++) {
+            if (!solve_lattice(out->f, inverse, list, count, tone_variance, smear)) {
+                memcpy(out->f, b->f, sizeof out->f);
+                return false;
+            }
+            if (count > 2) {
+                measure_smear(smear, &out->scatter, (const double(*)[2])out->f, list, count, tone_variance);
+            }
+        }
+        out->noise = sqrt(variance);
+        out->tones = count;
+        set_sigmas(out, inverse);
+    }
+    return rounds > 0;
+}
+
+bool tsuya_refine_single(double f[2], double *sigma_rad, tsuya_refiner *r, const tsuya_spectrum *s, int rounds)
+{
+    const double start[2] = {f[0], f[1]};
+    double energy = put_window(r, s);
+    *sigma_rad = 0.05;
+    for (int round = 0; round < rounds; round++) {
+        tone list[3];
+        int count = 0;
+        for (int k = 1; k <= 3; k++) {
+            tone t = {.a1 = k, .fx = k * f[0], .fy = k * f[1], .level = tsuya_spectrum_level(s, k * f[0], k * f[1])};
+            if (k == 1 || (t.level > TONE_LEVEL && k * k * (f[0] * f[0] + f[1] * f[1]) < 0.23)) {
+                list[count++] = t;
+            }
+        }
+        count = measure_tones(list, count, r);
+        if (count == 0 || list[0].a1 > 1.0) {
+            memcpy(f, start, sizeof start);
+            return false;
+        }
+        double x = 0.0, y = 0.0, weight = 0.0;
+        for (int t = 0; t < count; t++) {
+            double w = list[t].a1 * (list[t].re * list[t].re + list[t].im * list[t].im);
+            x += w * list[t].fx;
+            y += w * list[t].fy;
+            weight += w * list[t].a1;
+        }
+        f[0] = x / weight;
+        f[1] = y / weight;
+        double variance = left_variance(list, count, energy, r->sum);
+        *sigma_rad = sqrt(variance / (8.0 * M_PI * M_PI * r->sum_xx * weight)) / hypot(f[0], f[1]);
+    }
+    return true;
+}
