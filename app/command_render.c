@@ -10,7 +10,7 @@
 
 enum {
     KEY_MATERIAL = 1, KEY_LIGHTS, KEY_CAMERA, KEY_TURNTABLE, KEY_SIZE, KEY_ELEVATION, KEY_UP, KEY_COLOR, KEY_SPP, KEY_NOISE,
-    KEY_BOUNCES, KEY_EXPOSURE, KEY_REFERENCE, KEY_LIKE, KEY_MASK, KEY_GAIN, LIST = 256,
+    KEY_BOUNCES, KEY_EXPOSURE, KEY_REFERENCE, KEY_LIKE, KEY_MASK, KEY_GAIN, KEY_TRANSMISSION, LIST = 256,
 };
 
 typedef struct render_input {
@@ -22,13 +22,14 @@ typedef struct render_input {
 
 static const struct argp_option render_options[] = {
     {"material", KEY_MATERIAL, "[NAME=]MAT.json", 0, "Material, in the order of the mesh's material index; repeatable (default: a built-in silk)", 0},
-    {"lights", KEY_LIGHTS, "LIGHTS.json", 0, "Lamps (default: a soft studio that stands with the camera)", 0},
+    {"lights", KEY_LIGHTS, "LIGHTS.json", 0, "Lamps: a file, daylight or torch (default: a soft studio that stands with the camera)", 0},
     {"camera", KEY_CAMERA, "CAM.cameramodel", 0, "Camera, its extrinsics are the pose; repeatable", 0},
     {"turntable", KEY_TURNTABLE, "N", 0, "N views around the object (default 1, where no camera is given)", 0},
     {"size", KEY_SIZE, "WxH", 0, "Picture of the turntable (default 1280x960)", 0},
     {"elevation", KEY_ELEVATION, "DEG", 0, "Height of the turntable's camera (default 15)", 0},
     {"up", KEY_UP, "X,Y,Z", 0, "Axis of the turntable (default 0,0,1)", 0},
     {"color", KEY_COLOR, "COLOR", 0, "Dye the cloth: \"#rrggbb\", or \"r,g,b\" in linear light", 0},
+    {"transmission", KEY_TRANSMISSION, "R,G,B", 0, "Share of the light that thin cloth lets through, spread evenly (default: none)", 0},
     {"spp", KEY_SPP, "N", 0, "Samples a pixel (default 64)", 0},
     {"noise", KEY_NOISE, "E", 0, "Stop a pixel at this relative error; --spp is then the most it gets", 0},
     {"bounces", KEY_BOUNCES, "N", 0, "Reflections along a path (default 4; 1: lamps only)", 0},
@@ -56,6 +57,19 @@ static void parse_gain(struct argp_state *state, double gain[3], const char *tex
     if (sscanf(text, "%lf,%lf,%lf%c", &gain[0], &gain[1], &gain[2], &tail) != 3 || !(fmin(gain[0], fmin(gain[1], gain[2])) > 0.0) ||
         !isfinite(gain[0] + gain[1] + gain[2])) {
         argp_error(state, "--gain: '%s' is not R,G,B with three numbers above 0", text);
+    }
+}
+
+static void parse_transmission(struct argp_state *state, double share[3], const char *text)
+{
+    char tail;
+    if (sscanf(text, "%lf,%lf,%lf%c", &share[0], &share[1], &share[2], &tail) != 3) {
+        argp_error(state, "--transmission: '%s' is not R,G,B with three numbers in [0, 1]", text);
+    }
+    for (int c = 0; c < 3; c++) {
+        if (!(share[c] >= 0.0 && share[c] <= 1.0)) {
+            argp_error(state, "--transmission: '%s' is not R,G,B with three numbers in [0, 1]", text);
+        }
     }
 }
 
@@ -126,6 +140,7 @@ static error_t parse_render(int key, char *arg, struct argp_state *state)
     case KEY_LIKE: tsuya_argument_append(state, input->photo, LIST, arg); return 0;
     case KEY_MASK: tsuya_argument_append(state, input->mask, LIST, arg); return 0;
     case KEY_GAIN: parse_gain(state, o->gain, arg); return 0;
+    case KEY_TRANSMISSION: parse_transmission(state, o->transmission, arg); return 0;
     case 'o': input->output = arg; return 0;
     case ARGP_KEY_ARG:
         if (o->mesh_path) {

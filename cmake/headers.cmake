@@ -37,8 +37,10 @@ set(TSUYA_PUBLIC_HEADERS
   render/film.h
   render/light.h
   render/path.h
+  render/preset.h
   render/render.h
   render/scene.h
+  render/spectrum.h
   render/views.h
   weave_detect/mesh_field.h
   weave_detect/patches.h

@@ -151,6 +151,8 @@ static tsuya_status hash_inputs(stage *s)
     hash_lights(hasher, &s->setup.lights);
     hash_numbers(hasher, (const double[]){s->setup.dye, s->setup.studio, s->path.spp, s->path.noise, s->path.bounces}, 5);
     hash_numbers(hasher, s->setup.dye_rgb, 3);
+    hash_numbers(hasher, s->options->transmission, 3);
+    hash_numbers(hasher, (const double[]){s->setup.preset}, 1);
     hash_vec3(hasher, s->setup.up);
     tsuya_hasher_add(hasher, &s->context->seed, sizeof s->context->seed);
     s->inputs = tsuya_hasher_end(hasher);
@@ -167,6 +169,7 @@ static tsuya_status frame_stamp(tsuya_hash *stamp, const stage *s, const tsuya_r
     hash_numbers(hasher, c->distortion, 12);
     hash_numbers(hasher, &f->camera_from_world.rotation.e[0][0], 9);
     hash_vec3(hasher, f->camera_from_world.translation);
+    hash_numbers(hasher, (const double[]){s->setup.preset == TSUYA_PRESET_TORCH ? f->index : 0}, 1);
     *stamp = tsuya_hasher_end(hasher);
     return TSUYA_OK;
 }
@@ -418,6 +421,7 @@ tsuya_status tsuya_render(tsuya_render_info *info, const tsuya_render_options *o
     TSUYA_NEW(status, s.like, 2);
     TSUYA_GOTO_DONE(status, open_folder(&s));
     TSUYA_GOTO_DONE(status, tsuya_render_setup_create(&s.setup, options));
+    s.setup.seed = context->seed;
     info->frames = s.setup.frame_count;
     info->width_px = s.setup.frame[0].camera.width_px;
     info->height_px = s.setup.frame[0].camera.height_px;

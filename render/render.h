@@ -11,7 +11,7 @@ typedef struct tsuya_render_options {
     const char *mesh_path;           /* weave.ply or mesh.ply */
     const char *const *material_path; /* by the mesh's material index; a single one serves every index */
     int material_count;              /* 0: the built-in silk, which is said in a warning and in render.json */
-    const char *lights_path;         /* NULL: a soft studio that stands with the camera */
+    const char *lights_path;         /* a file, "daylight" or "torch" (render/preset.h); NULL: a soft studio that stands with the camera */
     int views;                       /* of the turntable, where no camera is given */
     int width_px, height_px;         /* of the turntable's pictures; capture cameras bring their own size */
     double elevation_deg, field_deg; /* of the turntable's camera: height over the table's plane, narrower angle of view */
@@ -29,6 +29,7 @@ typedef struct tsuya_render_options {
     const bool *held_out;            /* figures of these apart; NULL: none is */
     double gain[3];                  /* exposure and white balance of the comparison; NaN: fitted to each photograph */
     const char *color;               /* "#7a1f2b" (sRGB) or "r,g,b" (linear reflectances in [0, 1]); NULL: see below */
+    double transmission[3];          /* share of the light that thin cloth lets through, diffusely; 0 0 0: none */
     int spp;                         /* samples per pixel; with `noise` the most that a pixel gets */
     double noise;                    /* > 0: relative standard error that a pixel aims at; see render/path.h */
     int bounces;                     /* reflections along a path; 1: lamps only */

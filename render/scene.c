@@ -51,7 +51,7 @@ tsuya_status tsuya_shader_from_material(tsuya_shader *shader, const tsuya_materi
                               info.channel_count, info.channel[0]);
         }
     }
-    *shader = (tsuya_shader){material, material_eval_pdf, material_sample};
+    *shader = (tsuya_shader){.user = material, .eval_pdf = material_eval_pdf, .sample = material_sample};
     return TSUYA_OK;
 }
 
@@ -84,6 +84,12 @@ static tsuya_status check_options(const tsuya_mesh *mesh, const tsuya_scene_opti
         if (mesh->material[v] >= o->shader_count) {
             return tsuya_fail(TSUYA_ERROR_INPUT, "mesh: vertex %zu: material %d; %d materials are given", v, mesh->material[v],
                               o->shader_count);
+        }
+    }
+    for (int k = 0; k < 3 * o->shader_count; ++k) {
+        double t = o->shader[k / 3].transmittance[k % 3];
+        if (!(t >= 0.0 && t <= 1.0)) {
+            return tsuya_fail(TSUYA_ERROR_INPUT, "transmission: %g; expected shares in [0, 1]", t);
         }
     }
     for (int c = 0; o->dye == TSUYA_DYE_OF_COLOR && c < 3; ++c) {

@@ -85,6 +85,25 @@ static tsuya_status choose_dye(tsuya_render_setup *s, const tsuya_render_options
     return TSUYA_OK;
 }
 
+/* What is reflected and what comes through, together, cannot exceed what falls in (to the albedo's own accuracy). */
+static tsuya_status check_energy(const tsuya_render_setup *s, const tsuya_render_options *o)
+{
+    for (int k = 0; k < s->material_count * 9; ++k) {
+        const tsuya_material *m = s->material[k / 9];
+        double theta = tsuya_rad_from_deg(8.0 + 9.0 * (k % 9)), albedo[3];
+        const double brightest[3] = {0.8, 0.8, 0.8}; /* of vertex colours, see tsuya_scene_options_default */
+        const double *dye = s->dye == TSUYA_DYE_OF_COLOR ? s->dye_rgb : s->dye == TSUYA_DYE_OF_VERTICES ? brightest : NULL;
+        tsuya_material_albedo(m, dye, (tsuya_vec3){sin(theta), 0.0, cos(theta)}, albedo);
+        for (int c = 0; c < 3; ++c) {
+            if (o->transmission[c] > 0.0 && albedo[c] + o->transmission[c] > 1.005) {
+                return tsuya_fail(TSUYA_ERROR_INPUT, "transmission: %g; \"%s\" reflects up to %.3f, so at most %.3f can come through",
+                                  o->transmission[c], tsuya_material_get_info(m).name, albedo[c], fmax(0.0, 1.0 - albedo[c]));
+            }
+        }
+    }
+    return TSUYA_OK;
+}
+
 static tsuya_status make_scene(tsuya_render_setup *s, const tsuya_render_options *o)
 {
     tsuya_scene_options options = tsuya_scene_options_default();
@@ -95,9 +114,11 @@ static tsuya_status make_scene(tsuya_render_setup *s, const tsuya_render_options
     TSUYA_TRY(choose_dye(s, o));
     for (int k = 0; k < s->material_count; ++k) {
         TSUYA_TRY(tsuya_shader_from_material(&shader[k], s->material[k]));
+        memcpy(shader[k].transmittance, o->transmission, sizeof shader[k].transmittance);
         /* a dye laid over a measured one lies under the surface part, whatever the fit assumed of its own */
         TSUYA_TRY(s->dye == TSUYA_DYE_OF_COLOR ? tsuya_material_set_dye(s->material[k], s->dye_rgb) : TSUYA_OK);
     }
+    TSUYA_TRY(check_energy(s, o));
     options.shader = shader;
     options.shader_count = s->material_count;
     options.dye = s->dye;
@@ -107,7 +128,8 @@ static tsuya_status make_scene(tsuya_render_setup *s, const tsuya_render_options
 
 static tsuya_render_frame *add_frame(tsuya_render_setup *s, const char *name, const char *source)
 {
-    tsuya_render_frame *frame = &s->frame[s->frame_count++];
+    tsuya_render_frame *frame = &s->frame[s->frame_count];
+    frame->index = s->frame_count++;
     frame->name = name;
     frame->source = source;
     return name && source ? frame : NULL;
@@ -194,6 +216,30 @@ static tsuya_status list_frames(tsuya_render_setup *s, const tsuya_render_option
     return TSUYA_OK;
 }
 
+/* A name, or a file whose "preset" is one. */
+static tsuya_status load_lights(tsuya_render_setup *s, const tsuya_render_options *o)
+{
+    s->studio = !o->lights_path;
+    if (s->studio) {
+        return TSUYA_OK;
+    }
+    s->preset = tsuya_light_preset_find(o->lights_path);
+    if (s->preset != TSUYA_PRESET_NONE) {
+        return TSUYA_OK;
+    }
+    tsuya_json *root;
+    TSUYA_TRY(tsuya_json_load(&root, o->lights_path));
+    const tsuya_json *preset = tsuya_json_member(root, "preset");
+    const char *name = tsuya_json_text_or(preset, "");
+    s->preset = tsuya_light_preset_find(name);
+    tsuya_status status = TSUYA_OK;
+    if (preset && s->preset == TSUYA_PRESET_NONE) {
+        status = tsuya_fail(TSUYA_ERROR_INPUT, "%s: preset \"%.40s\": expected \"daylight\" or \"torch\"", o->lights_path, name);
+    }
+    tsuya_json_free(root);
+    return status == TSUYA_OK && s->preset == TSUYA_PRESET_NONE ? tsuya_light_set_load(&s->lights, o->lights_path) : status;
+}
+
 static tsuya_status set_up(tsuya_render_setup *s, const tsuya_render_options *o)
 {
     TSUYA_TRY(tsuya_arena_create(&s->arena, 1 << 16));
@@ -211,10 +257,7 @@ static tsuya_status set_up(tsuya_render_setup *s, const tsuya_render_options *o)
     s->radius = fmax(0.5 * tsuya_vec3_norm(tsuya_vec3_sub(high, low)), 1e-6);
     TSUYA_TRY(load_materials(s, o));
     TSUYA_TRY(make_scene(s, o));
-    s->studio = !o->lights_path;
-    if (o->lights_path) {
-        TSUYA_TRY(tsuya_light_set_load(&s->lights, o->lights_path));
-    }
+    TSUYA_TRY(load_lights(s, o));
     return list_frames(s, o);
 }
 
@@ -243,6 +286,9 @@ void tsuya_render_setup_free(tsuya_render_setup *setup)
 
 tsuya_status tsuya_render_setup_lights(tsuya_light_set *lights, const tsuya_render_setup *setup, const tsuya_render_frame *frame)
 {
+    if (setup->preset != TSUYA_PRESET_NONE) {
+        return tsuya_light_set_preset(lights, setup->preset, setup->center, setup->radius, setup->up, setup->seed, frame->index);
+    }
     if (!setup->studio) {
         *lights = setup->lights;
         return TSUYA_OK;
@@ -252,7 +298,7 @@ tsuya_status tsuya_render_setup_lights(tsuya_light_set *lights, const tsuya_rend
 
 void tsuya_render_setup_lights_free(tsuya_light_set *lights, const tsuya_render_setup *setup)
 {
-    if (setup->studio) {
+    if (setup->studio || setup->preset != TSUYA_PRESET_NONE) {
         tsuya_light_set_free(lights);
     }
 }

@@ -4,7 +4,7 @@
 
 #include "core/memory.h"
 
-#include "render/light.h"
+#include "render/preset.h"
 #include "render/render.h"
 #include "render/scene.h"
 
@@ -15,6 +15,7 @@ typedef struct tsuya_render_frame {
     tsuya_pose camera_from_world;
     const char *photo, *mask; /* to compare with; NULL: none */
     bool held_out;
+    int index;                /* in the sequence */
 } tsuya_render_frame;
 
 typedef struct tsuya_render_setup {
@@ -27,6 +28,8 @@ typedef struct tsuya_render_setup {
     double dye_rgb[3];
     tsuya_light_set lights; /* of the file; empty with the studio */
     bool studio;
+    tsuya_light_preset preset; /* stands for the file */
+    uint64_t seed;             /* of a preset that flickers */
     tsuya_vec3 up, center;
     double radius;
     tsuya_render_frame *frame;

@@ -1,9 +1,11 @@
 #include "render/trace.h"
 
+#include "brdf/sampling.h"
+
 #include <math.h>
 
 /* Dimension pairs of a bounce. */
-enum { PAIR_LAMP, PAIR_DIRECTION, PAIR_CHOICE, PAIR_TURN, PAIRS_PER_BOUNCE };
+enum { PAIR_LAMP, PAIR_DIRECTION, PAIR_CHOICE, PAIR_TURN, PAIR_SIDE, PAIRS_PER_BOUNCE };
 
 /* The last point of a path, as the next hit of a lamp needs it. */
 typedef struct vertex {
@@ -219,11 +221,51 @@ static bool survives(double throughput[3], double u)
     return u < keep;
 }
 
+/* --- thin cloth: what falls on its other side comes through as from a Lambert surface --- */
+
+static double through_eval_pdf(const void *user, const double *dye, tsuya_vec3 wi, tsuya_vec3 wo, double value[3])
+{
+    (void)user, (void)wo;
+    for (int c = 0; c < 3; ++c) {
+        value[c] = wi.z > 0.0 ? dye[c] / M_PI : 0.0;
+    }
+    return wi.z > 0.0 ? wi.z / M_PI : 0.0;
+}
+
+static bool through_sample(const void *user, const double *dye, tsuya_vec3 wo, const double u[3], tsuya_vec3 *wi)
+{
+    (void)user, (void)dye, (void)wo;
+    *wi = tsuya_sample_cosine(u[0], u[1]);
+    return wi->z > 0.0;
+}
+
+static const tsuya_shader through = {.eval_pdf = through_eval_pdf, .sample = through_sample};
+
+/* One side of a cloth that lets light through is looked at, by chance, and counts for both. */
+static void choose_side(walker *w, tsuya_surface *s, double most, uint32_t pair)
+{
+    double u[2], q = most / (most + 0.5);
+    tsuya_sampler_pair(w->path->sampler, pair + PAIR_SIDE, u);
+    for (int c = 0; c < 3; ++c) {
+        w->throughput[c] /= u[0] < q ? q : 1.0 - q;
+    }
+    if (u[0] >= q) {
+        return;
+    }
+    s->n = tsuya_vec3_scale(s->n, -1.0);
+    s->ng = tsuya_vec3_scale(s->ng, -1.0);
+    s->y = tsuya_vec3_scale(s->y, -1.0);
+    s->lifted = s->p;
+    s->lift = 0.0;
+    s->dye = s->shader->transmittance;
+    s->shader = &through;
+}
+
 /* At the point that the ray met: a lamp's sample, and the next ray. */
 static void shade(const tsuya_tracer *t, walker *w, int depth)
 {
     uint32_t pair = (uint32_t)(TSUYA_PAIR_FIRST + PAIRS_PER_BOUNCE * depth);
-    double choice[2], turn[2], u[3];
+    double choice[2], turn[2] = {0.0, 0.0}, u[3];
     tsuya_surface s;
     tsuya_vec3 back = tsuya_vec3_scale(w->direction, -1.0);
     tsuya_scene_surface(t->scene, &w->hit, back, &s);
@@ -239,10 +281,14 @@ static void shade(const tsuya_tracer *t, walker *w, int depth)
         w->alive = false;
         return;
     }
+    double most = largest(s.shader->transmittance);
+    if (most > 0.0) {
+        choose_side(w, &s, most, pair);
+    }
     if (!s.has_weft) {
         turn_frame(&s, turn[0]);
     }
-    tsuya_vec3 wo = to_local(&s, back);
+    tsuya_vec3 wo = to_local(&s, back); /* under the surface for light that comes through, which does not ask for it */
     tsuya_sampler_pair(w->path->sampler, pair + PAIR_CHOICE, choice);
     prepare_lamp(t, w, &s, wo, pair, choice[0]);
     /* behind the last reflection only a lamp in the way can add something */
