@@ -7,7 +7,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { SKY_WIDTH = 128, SKY_HEIGHT = 64 };
+enum { SKY_WIDTH = 512, SKY_HEIGHT = 256 };
 
 tsuya_light_preset tsuya_light_preset_find(const char *name)
 {
