@@ -190,7 +190,7 @@ static tsuya_status surface(tsuya_reconstruction *r)
     options.masks_workspace = r->options->masks ? tsuya_reconstruction_path(r, "dense") : NULL;
     tsuya_status status;
     TSUYA_GOTO_DONE(status, tsuya_ply_load(&cloud, tsuya_reconstruction_path(r, "cloud.ply")));
-    TSUYA_GOTO_DONE(status, tsuya_surface(&mesh, &info, &cloud, &options, r->context));
+    TSUYA_GOTO_DONE(status, tsuya_surface_make(&mesh, &info, &cloud, &options, r->context));
     TSUYA_GOTO_DONE(status, tsuya_ply_save(&mesh, path, NULL));
     tsuya_json *figures = tsuya_json_create_object();
     tsuya_surface_info_to_json(figures, &info);

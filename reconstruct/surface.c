@@ -277,7 +277,7 @@ static tsuya_status finish(tsuya_mesh *mesh, tsuya_surface_info *info, const tsu
     return TSUYA_OK;
 }
 
-tsuya_status tsuya_surface(tsuya_mesh *mesh, tsuya_surface_info *info, const tsuya_mesh *cloud,
+tsuya_status tsuya_surface_make(tsuya_mesh *mesh, tsuya_surface_info *info, const tsuya_mesh *cloud,
                            const tsuya_surface_options *options, const tsuya_context *context)
 {
     *mesh = (tsuya_mesh){0};

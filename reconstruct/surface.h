@@ -46,8 +46,8 @@ typedef struct tsuya_surface_info {
 /* Needs positions; normals are estimated where there are none.  Fails on fewer than 32 different points, on non-finite
  * numbers (with the point's index), and where nothing is left.  The mesh has normals, evidence, and whatever of colour and
  * sigma the cloud has.  The same bytes for any number of threads. */
-TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_surface(tsuya_mesh *mesh, tsuya_surface_info *info, const tsuya_mesh *cloud,
-                                                      const tsuya_surface_options *options, const tsuya_context *context);
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_surface_make(tsuya_mesh *mesh, tsuya_surface_info *info, const tsuya_mesh *cloud,
+                                                           const tsuya_surface_options *options, const tsuya_context *context);
 
 TSUYA_API void tsuya_surface_info_to_json(tsuya_json *object, const tsuya_surface_info *info);
 

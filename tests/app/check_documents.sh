@@ -29,35 +29,33 @@ done
 done) | grep . && failed=1
 
 # The completions ask the program: what they offer is what it has.
-words() { # LINE...: what bash completion offers for the last word
-    PATH="$(dirname "$program"):$PATH" bash -c '
-        source "$0/completion/tsuya.bash"
-        COMP_WORDS=("$@") COMP_CWORD=$(($# - 1))
-        _tsuya
-        echo " ${COMPREPLY[*]} "' "$source" "$@"
-}
 if command -v bash >/dev/null; then
-    for entry in $commands; do
-        command=$(echo "$entry" | tr '_' ' ')
-        case "$command" in
-        *' '*) offered=$(words tsuya "${command% *}" "") ;;
-        *) offered=$(words tsuya "") ;;
-        esac
-        case "$offered" in
-        *" ${command##* } "*) ;;
-        *) complain "bash completion: '$command' is not offered (but:$offered)" ;;
-        esac
-        # shellcheck disable=SC2086
-        offered=$(words tsuya $command --)
-        case "$offered" in
-        *" --threads "*) ;;
-        *) complain "bash completion: options of '$command' are not offered" ;;
-        esac
-    done
-    case "$(words tsuya run --from r)" in
-    *" reconstruct "*) ;;
-    *) complain "bash completion: no stages behind --from" ;;
+    PATH="$(dirname "$program"):$PATH" bash -s "$source" $commands <<'BASH' || failed=1
+source "$1/completion/tsuya.bash"
+shift
+code=0
+listing=$(_tsuya_commands tsuya)
+_tsuya_commands() { echo "$listing"; } # asked once
+offers() { # WORD... EXPECTED
+    local words=("${@:1:$#-1}")
+    COMP_WORDS=("${words[@]}") COMP_CWORD=$((${#words[@]} - 1))
+    _tsuya
+    case " ${COMPREPLY[*]} " in
+    *" ${*: -1} "*) ;;
+    *) echo "bash completion: '${words[*]}' does not offer '${*: -1}' but: ${COMPREPLY[*]}"; code=1 ;;
     esac
+}
+for entry; do
+    case $entry in
+    *_*) offers tsuya "${entry%_*}" "" "${entry#*_}"; pair=$entry ;;
+    *) offers tsuya "" "$entry" ;;
+    esac
+done
+offers tsuya run --fr --from
+offers tsuya "${pair%_*}" "${pair#*_}" --thr --threads
+offers tsuya run --from r reconstruct
+exit $code
+BASH
 fi
 if command -v zsh >/dev/null; then
     zsh -n "$source/completion/_tsuya" || complain "completion/_tsuya: not valid zsh"

@@ -17,7 +17,7 @@ static tsuya_status surface_of(tsuya_mesh *mesh, tsuya_surface_info *info, const
 {
     tsuya_context context = context_of(threads);
     tsuya_surface_options plain = tsuya_surface_options_default();
-    return tsuya_surface(mesh, info, cloud, options ? options : &plain, &context);
+    return tsuya_surface_make(mesh, info, cloud, options ? options : &plain, &context);
 }
 
 static void check_whole(const tsuya_mesh *mesh, const tsuya_surface_info *info)
