@@ -7,8 +7,8 @@
 #include <math.h>
 
 static const double SAME_RAD = 2.0 * M_PI / 180.0, RIGHT_RAD = 2.0 * M_PI / 180.0;
-static const float LONE_LEVEL = 3.5f, NONE = 0.9f;
-static const double KIND_MARGIN = 0.5; /* of the level's feature, before a kind is named */
+static const float LONE_LEVEL = 3.5f, NONE = 0.5f;
+static const double KIND_MARGIN = 0.25; /* of the level's feature over the next step's, before a kind is named */
 
 struct tsuya_detector {
     int n, rounds;
@@ -26,7 +26,7 @@ tsuya_status tsuya_detector_create(tsuya_detector **detector, int n, const tsuya
         return TSUYA_ERROR_MEMORY;
     }
     d->n = n;
-    d->rounds = options ? options->rounds : 2;
+    d->rounds = options ? options->rounds : 1;
     TSUYA_GOTO_DONE(status, tsuya_spectrum_create(&d->spectrum, n));
     TSUYA_GOTO_DONE(status, tsuya_refiner_create(&d->refiner, n));
     *detector = d;

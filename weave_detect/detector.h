@@ -7,7 +7,7 @@
 typedef struct tsuya_detector tsuya_detector; /* workspace of one thread of execution */
 
 typedef struct tsuya_detector_options {
-    int rounds; /* of refinement: 2; 0 leaves the peaks as the transform gives them */
+    int rounds; /* of refinement: 1; 0 leaves the peaks as the transform gives them */
 } tsuya_detector_options;
 
 /* Patches of n × n pixels, n even, 16 … 512.  `options` NULL: defaults. */

@@ -18,6 +18,8 @@ const tsuya_step tsuya_steps[TSUYA_STEPS] = {
     {5, 2, TSUYA_WEAVE_SATIN},  {5, -2, TSUYA_WEAVE_SATIN}, {8, 3, TSUYA_WEAVE_SATIN},  {8, -3, TSUYA_WEAVE_SATIN},
 };
 
+static inline double square(double x, double y) { return x * x + y * y; }
+
 typedef struct candidate {
     float fx, fy, level;
 } candidate;
@@ -28,13 +30,13 @@ static int add_candidate(candidate *list, int count, const tsuya_spectrum *s, do
         fx = -fx;
         fy = -fy;
     }
-    double f = hypot(fx, fy);
-    if (count >= CANDIDATES || f > 1.0 / PERIOD_LEAST || f < 1.8 / s->n) {
+    double ff = fx * fx + fy * fy, same = SAME_BINS * SAME_BINS / ((double)s->n * s->n);
+    if (count >= CANDIDATES || ff > 1.0 / (PERIOD_LEAST * PERIOD_LEAST) || ff * s->n * s->n < 1.8 * 1.8) {
         return count;
     }
     for (int i = 0; i < count; i++) {
-        double there = hypot((double)list[i].fx - fx, (double)list[i].fy - fy), opposite = hypot((double)list[i].fx + fx, (double)list[i].fy + fy);
-        if (fmin(there, opposite) * s->n < SAME_BINS) {
+        double gx = (double)list[i].fx, gy = (double)list[i].fy;
+        if (square(gx - fx, gy - fy) < same || square(gx + fx, gy + fy) < same) {
             return count;
         }
     }
@@ -90,15 +92,15 @@ static double step_level(const tsuya_spectrum *s, const tsuya_basis *b, const ts
     return sum / points;
 }
 
-/* How far a peak is from the nearest point of the step's lattice, in bins of the patch. */
-static double miss_bins(const tsuya_spectrum *s, const tsuya_basis *b, const tsuya_step *step, const tsuya_peak *peak)
+/* How far a peak is from the nearest point of the step's lattice, in bins of the patch, squared. */
+static double miss_bins_squared(const tsuya_spectrum *s, const tsuya_basis *b, const tsuya_step *step, const tsuya_peak *peak)
 {
     double det = b->f[0][0] * b->f[1][1] - b->f[0][1] * b->f[1][0];
     double a1 = ((double)peak->fx * b->f[1][1] - (double)peak->fy * b->f[1][0]) / det;
     double a2 = (b->f[0][0] * (double)peak->fy - b->f[0][1] * (double)peak->fx) / det;
     double k2 = round(a2 * step->repeat) / step->repeat, offset = -step->step * k2, k1 = round(a1 - offset) + offset;
     double dx = (a1 - k1) * b->f[0][0] + (a2 - k2) * b->f[1][0], dy = (a1 - k1) * b->f[0][1] + (a2 - k2) * b->f[1][1];
-    return hypot(dx, dy) * s->n;
+    return square(dx, dy) * s->n * s->n;
 }
 
 static float explained_share(const tsuya_spectrum *s, const tsuya_basis *b, const tsuya_step *step)
@@ -106,7 +108,7 @@ static float explained_share(const tsuya_spectrum *s, const tsuya_basis *b, cons
     double explained = 0.0, all = 1e-6;
     for (int i = 0; i < s->peak_count; i++) {
         all += (double)s->peak[i].level;
-        explained += miss_bins(s, b, step, &s->peak[i]) < 1.0 ? (double)s->peak[i].level : 0.0;
+        explained += miss_bins_squared(s, b, step, &s->peak[i]) < 1.0 ? (double)s->peak[i].level : 0.0;
     }
     return (float)(explained / all);
 }
@@ -198,8 +200,9 @@ typedef struct pair {
 
 static bool can_be_threads(const candidate *p, const candidate *q)
 {
-    double cross = fabs((double)(p->fx * q->fy - p->fy * q->fx)), lp = hypot((double)p->fx, (double)p->fy), lq = hypot((double)q->fx, (double)q->fy);
-    return cross > SINE_LEAST * lp * lq && lp < RATIO_MOST * lq && lq < RATIO_MOST * lp;
+    double cross = (double)(p->fx * q->fy - p->fy * q->fx), pp = square((double)p->fx, (double)p->fy), qq = square((double)q->fx, (double)q->fy);
+    const double ratio = RATIO_MOST * RATIO_MOST;
+    return cross * cross > SINE_LEAST * SINE_LEAST * pp * qq && pp < ratio * qq && qq < ratio * pp;
 }
 
 /* Keeps the pairs of highest rank, sorted; of equal ones the first. */
@@ -228,10 +231,9 @@ typedef struct inferred {
 static bool is_listed(const inferred *list, int count, const inferred *new, double n)
 {
     for (int i = 0; i < count; i++) {
-        double first = hypot(list[i].f[0][0] - new->f[0][0], list[i].f[0][1] - new->f[0][1]);
-        double same = hypot(list[i].f[1][0] - new->f[1][0], list[i].f[1][1] - new->f[1][1]);
-        double opposite = hypot(list[i].f[1][0] + new->f[1][0], list[i].f[1][1] + new->f[1][1]);
-        if (first == 0.0 && fmin(same, opposite) * n < SAME_BINS) {
+        const double *f = list[i].f[1], *g = new->f[1];
+        bool first = list[i].f[0][0] == new->f[0][0] && list[i].f[0][1] == new->f[0][1];
+        if (first && fmin(square(f[0] - g[0], f[1] - g[1]), square(f[0] + g[0], f[1] + g[1])) * n * n < SAME_BINS * SAME_BINS) {
             return true;
         }
     }
@@ -292,7 +294,7 @@ static int list_inferred(inferred *list, const tsuya_spectrum *s)
     return count;
 }
 
-void tsuya_bases_list(tsuya_bases *bases, const tsuya_spectrum *s)
+__attribute__((target_clones("avx2", "default"), flatten)) void tsuya_bases_list(tsuya_bases *bases, const tsuya_spectrum *s)
 {
     candidate list[CANDIDATES];
     pair kept[PAIRS];
@@ -325,7 +327,8 @@ void tsuya_bases_list(tsuya_bases *bases, const tsuya_spectrum *s)
     bases->none_feature[34] = 0.1f * (float)s->peak_count;
 }
 
-float tsuya_bases_score(const float *weight, const float *feature)
+/* Eight lanes, so that the order of additions does not depend on the vector width. */
+static inline float score(const float *weight, const float *feature)
 {
     const float *out = weight + TSUYA_HIDDEN * (TSUYA_FEATURES + 1);
     float sum = out[TSUYA_HIDDEN];
@@ -341,6 +344,11 @@ float tsuya_bases_score(const float *weight, const float *feature)
         sum += out[h] * (in > 0.0f ? in : 0.1f * in);
     }
     return sum;
+}
+
+__attribute__((target_clones("avx2", "default"))) float tsuya_bases_score(const float *weight, const float *feature)
+{
+    return score(weight, feature);
 }
 
 void tsuya_bases_weigh(tsuya_bases *bases)

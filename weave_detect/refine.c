@@ -8,6 +8,7 @@
 static const float TONE_LEVEL = 1.8f;      /* ln(1 + power/noise) of a point that is worth fitting */
 static const double RIM = 0.04;            /* of the side on which the window rises */
 static const double STRAY_BINS = 0.6;      /* a tone that is farther than that from where the lattice has it is given up */
+static const double STRAY_SIGMAS = 2.5;
 static const int REACH = 3;                /* lattice points up to |a| ≤ 3 are looked at */
 
 typedef struct tone {
@@ -16,6 +17,7 @@ typedef struct tone {
     double re, im;      /* amplitude of e^{2πi f·x} from the patch's middle; the tone is 2·Re */
     double raw[6];      /* Σ w v e^{−iφ} {1, x, y}, real and imaginary parts */
     float level;
+    double trust;       /* 1, less for a point that stands off the lattice by more than its noise */
     bool lost;
 } tone;
 
@@ -90,7 +92,7 @@ static int choose_tones(tone *list, int most, const tsuya_spectrum *s, const tsu
             if (k2 == 0 && a1 < 0.5) {
                 continue; /* itself and its mirror */
             }
-            tone t = {.a1 = a1, .a2 = a2, .fx = a1 * f[0][0] + a2 * f[1][0], .fy = a1 * f[0][1] + a2 * f[1][1]};
+            tone t = {.a1 = a1, .a2 = a2, .trust = 1.0, .fx = a1 * f[0][0] + a2 * f[1][0], .fy = a1 * f[0][1] + a2 * f[1][1]};
             double ff = t.fx * t.fx + t.fy * t.fy;
             t.level = tsuya_spectrum_level(s, t.fx, t.fy);
             if (t.level < TONE_LEVEL || ff > 0.23 || ff * s->n * s->n < 3.6) {
@@ -321,6 +323,9 @@ static bool solve_lattice(double f[2][2], double inverse[4][4], const tone *list
         double q1 = list[t].a1 * list[t].a1 * smear[0], q2 = list[t].a2 * list[t].a2 * smear[1];
         invert2(w, own + q1 * unit[0][0] * unit[0][0] + q2 * unit[1][0] * unit[1][0],
                 q1 * unit[0][0] * unit[0][1] + q2 * unit[1][0] * unit[1][1], own + q1 * unit[0][1] * unit[0][1] + q2 * unit[1][1] * unit[1][1]);
+        for (int i = 0; i < 4; i++) {
+            w[i / 2][i % 2] *= list[t].trust;
+        }
         const double a[2] = {list[t].a1, list[t].a2};
         double wf[2] = {w[0][0] * list[t].fx + w[0][1] * list[t].fy, w[1][0] * list[t].fx + w[1][1] * list[t].fy};
         for (int i = 0; i < 2; i++) {
@@ -345,6 +350,18 @@ static bool solve_lattice(double f[2][2], double inverse[4][4], const tone *list
         f[r / 2][r % 2] = sum;
     }
     return true;
+}
+
+/* Points far off the lattice, in their own deviations and what smears them, lose their say (Huber's weights at STRAY_SIGMAS, squared). */
+static void judge_tones(const double f[2][2], tone *list, int count, double tone_variance, const double smear[2])
+{
+    for (int t = 0; t < count; t++) {
+        double dx = list[t].fx - list[t].a1 * f[0][0] - list[t].a2 * f[1][0], dy = list[t].fy - list[t].a1 * f[0][1] - list[t].a2 * f[1][1];
+        double own = tone_variance / (list[t].re * list[t].re + list[t].im * list[t].im);
+        double all = own + list[t].a1 * list[t].a1 * smear[0] + list[t].a2 * list[t].a2 * smear[1], off = (dx * dx + dy * dy) / (2.0 * all);
+        double bound = STRAY_SIGMAS * STRAY_SIGMAS;
+        list[t].trust = off > bound ? bound * bound / (off * off) : 1.0;
+    }
 }
 
 /* How far the points stray along each family's frequency, beyond their own noise. */
@@ -413,13 +430,14 @@ bool tsuya_refine(tsuya_refined *out, tsuya_refiner *r, const tsuya_spectrum *s,
             return false;
         }
         double variance = left_variance(list, count, energy, r->sum), tone_variance = variance / (8.0 * M_PI * M_PI * r->sum_xx);
-        for (int pass = 0; pass < 3; pass++) {
+        for (int pass = 0; pass < 4; pass++) {
             if (!solve_lattice(out->f, inverse, list, count, tone_variance, smear)) {
                 memcpy(out->f, b->f, sizeof out->f);
                 return false;
             }
             if (count > 2) {
                 measure_smear(smear, &out->scatter, (const double(*)[2])out->f, list, count, tone_variance);
+                judge_tones((const double(*)[2])out->f, list, count, tone_variance, smear);
             }
         }
         out->noise = sqrt(variance);
@@ -438,7 +456,7 @@ bool tsuya_refine_single(double f[2], double *sigma_rad, tsuya_refiner *r, const
         tone list[3];
         int count = 0;
         for (int k = 1; k <= 3; k++) {
-            tone t = {.a1 = k, .fx = k * f[0], .fy = k * f[1], .level = tsuya_spectrum_level(s, k * f[0], k * f[1])};
+            tone t = {.a1 = k, .trust = 1.0, .fx = k * f[0], .fy = k * f[1], .level = tsuya_spectrum_level(s, k * f[0], k * f[1])};
             if (k == 1 || (t.level > TONE_LEVEL && k * k * (f[0] * f[0] + f[1] * f[1]) < 0.23)) {
                 list[count++] = t;
             }

@@ -35,7 +35,7 @@ typedef struct tsuya_refined {
     double scatter;      /* rms of the points about the lattice, in their own standard deviations */
 } tsuya_refined;
 
-/* `rounds` of Gauss–Newton: 2 is enough; the last looks at all points, those before at the strongest.  0: the basis as it came.  False where
+/* `rounds` of Gauss–Newton: 1 is enough; the last looks at all points, those before at the strongest.  0: the basis as it came.  False where
  * the fit loses its points; `refined` then holds the basis as it came. */
 bool tsuya_refine(tsuya_refined *refined, tsuya_refiner *refiner, const tsuya_spectrum *spectrum, const tsuya_basis *basis, int rounds);
 

@@ -112,6 +112,7 @@ tsuya_status tsuya_spectrum_create(tsuya_spectrum **spectrum, int n)
     TSUYA_NEW(status, s->power, area);
     TSUYA_NEW(status, s->level, area);
     TSUYA_NEW(status, s->scratch, area);
+    TSUYA_NEW(status, s->per_noise, area);
     TSUYA_NEW(status, s->ring, area);
     TSUYA_NEW(status, s->order, area);
     TSUYA_NEW(status, s->direction, area);
@@ -142,6 +143,7 @@ void tsuya_spectrum_free(tsuya_spectrum *s)
         tsuya_free(s->power);
         tsuya_free(s->level);
         tsuya_free(s->scratch);
+        tsuya_free(s->per_noise);
         tsuya_free(s->ring);
         tsuya_free(s->order);
         tsuya_free(s->direction);
@@ -264,6 +266,12 @@ static void judge_noise(tsuya_spectrum *s)
     float least = (float)FLOOR * highest + 1e-20f;
     for (int r = 0; r < s->ring_count; r++) {
         int first = s->ring_start[r], n = s->ring_start[r + 1] - first;
+        if (n > 2 * RING_LEAST) { /* every other one is enough */
+            n /= 2;
+            for (int i = 0; i < n; i++) {
+                s->scratch[first + i] = s->scratch[first + 2 * i];
+            }
+        }
         float q = n > 0 ? select_kth(s->scratch + first, n, (int)(NOISE_QUANTILE * n)) : 0.0f;
         s->noise[r] = fmaxf((float)((double)q / -log(1.0 - NOISE_QUANTILE)), least);
     }
@@ -323,23 +331,49 @@ static void keep_peak(tsuya_spectrum *s, int kx, int ky, float level)
     }
 }
 
+/* ln(1 + x) for x ≥ 0 to 1e-4: the exponent, and a polynomial on the mantissa (Chebyshev on [1, 2)). */
+static inline float ln1p(float x)
+{
+    union {
+        float f;
+        uint32_t u;
+    } v = {.f = 1.0f + x};
+    float exponent = (float)((int)(v.u >> 23) - 127);
+    v.u = (v.u & 0x007fffffu) | 0x3f800000u;
+    float m = v.f - 1.0f;
+    float p = m * (0.99949556f + m * (-0.49190896f + m * (0.28947478f + m * (-0.13606275f + m * 0.03215845f))));
+    return 0.69314718f * exponent + p;
+}
+
+__attribute__((target_clones("avx2", "default"))) static void make_levels(float *restrict level, const float *restrict highest,
+                                                                          const float *restrict per_noise, int count)
+{
+    for (int i = 0; i < count; i++) {
+        level[i] = ln1p(highest[i] * per_noise[i]);
+    }
+}
+
 /* Levels everywhere, and the local maxima among the powers. */
 static void find_peaks(tsuya_spectrum *s)
 {
     int size = s->size, half = size / 2, stride = s->fourier.stride;
     s->peak_count = 0;
+    float *inverse = s->noise + s->ring_count + 1; /* inverse[−1]: of the bins near 0 */
+    inverse[-1] = 0.0f;
+    for (int r = 0; r < s->ring_count; r++) {
+        inverse[r] = 1.0f / s->noise[r];
+    }
+    for (int i = 0; i < size * stride; i++) {
+        s->per_noise[i] = inverse[s->ring[i]];
+    }
+    make_levels(s->level, s->scratch, s->per_noise, size * stride);
     for (int kx = 0; kx < size; kx++) {
-        for (int ky = 0; ky <= half; ky++) {
-            int i = kx * stride + ky, ring = s->ring[i];
-            float level = 0.0f;
-            if (ring >= 0) {
-                level = logf(1.0f + s->scratch[i] / s->noise[ring]);
-                bool own = s->scratch[i] == s->power[i] && level > LEAST_LEVEL; /* highest of its neighbours */
-                if (own && ky < half && kx != half && (ky > 0 || kx < half)) {
-                    keep_peak(s, kx, ky, level);
-                }
+        for (int ky = 0; ky < half; ky++) {
+            int i = kx * stride + ky;
+            bool own = s->level[i] > LEAST_LEVEL && s->scratch[i] == s->power[i]; /* highest of its neighbours */
+            if (own && kx != half && (ky > 0 || kx < half)) {
+                keep_peak(s, kx, ky, s->level[i]);
             }
-            s->level[i] = level;
         }
     }
 }

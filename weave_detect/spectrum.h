@@ -23,7 +23,7 @@ typedef struct tsuya_spectrum {
     float *window, *padded;
     float *power;  /* laid out as in fourier.h */
     float *level;  /* ln(1 + highest power of the 3 × 3 bins around, over noise) */
-    float *scratch, *noise;
+    float *scratch, *noise, *per_noise;
     int *ring, *order, *ring_start, ring_count;
     uint8_t *direction; /* of each bin, in TSUYA_DIRECTIONS steps of the half turn, along f = (cos, sin) */
     float *steepness;   /* |f|², the weight of a bin among gradients */

@@ -1,0 +1,248 @@
+/* Error beside time: the detector, what one would do with OpenCV alone, and the Cramér–Rao bound.
+ *
+ *     bench_weave [DRAWS]
+ *
+ * Cloth of tests/weave_detect/scene_weave.h at random.  "Tellable" patches: contrast ≥ 0.5, period ≥ 4 px, repeat within the patch. */
+#include "peers_opencv.h"
+#include "scene_other.h"
+#include "scene_weave.h"
+
+#include "core/context.h"
+#include "core/image.h"
+#include "core/memory.h"
+#include "weave_detect/detector.h"
+#include "weave_detect/patches.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+
+enum { N = 64, SEED = 77, DETECTOR = 0, METHODS = 7 };
+
+/* Processor time of this thread: other work on the machine does not count. */
+static double cpu_s(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+typedef struct method {
+    const char *name;
+    void (*peer)(double angle_rad[2], const float *values, int n);
+    int rounds; /* of the detector */
+    tsuya_detector *detector;
+    double seconds;
+    double *error_deg;
+} method;
+
+static int compare_doubles(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static double worse_deg(const double angle[2], const weave_cloth *c)
+{
+    double weft = c->weft_deg * M_PI / 180.0, warp = c->warp_deg * M_PI / 180.0;
+    double straight = fmax(tsuya_line_difference(angle[0], weft), tsuya_line_difference(angle[1], warp));
+    double swapped = fmax(tsuya_line_difference(angle[1], weft), tsuya_line_difference(angle[0], warp));
+    return fmin(straight, swapped) * 180.0 / M_PI;
+}
+
+static double run_method(method *m, const float *values, const weave_cloth *cloth, tsuya_threads *threads)
+{
+    double angle[2] = {0.0, 0.0}, begin = cpu_s();
+    if (m->peer) {
+        m->peer(angle, values, N);
+    } else {
+        tsuya_detector_run(m->detector, threads, values);
+        angle[0] = threads->a.angle_rad;
+        angle[1] = threads->b.angle_rad;
+    }
+    m->seconds += cpu_s() - begin;
+    return !m->peer && !(threads->a.seen && threads->b.seen) ? 90.0 : worse_deg(angle, cloth);
+}
+
+typedef struct sums {
+    int draws, tellable, sure, sure_right;
+    double surplus[10], bound_square, error_square;
+    int calibrated, bounded, per_draft[WEAVE_DRAFT_COUNT][3];
+    double *sure_error;
+} sums;
+
+static void calibrate(sums *s, double confidence, bool right)
+{
+    s->surplus[(int)(9.999 * confidence)] += confidence - right;
+    s->calibrated++;
+}
+
+/* Both families against the bound, on regular cloth without the fibres that no one could know; wrong peaks are counted elsewhere. */
+static void hold_against_bound(sums *s, method *m, uint64_t index)
+{
+    static float values[N * N];
+    weave_cloth cloth;
+    weave_camera camera;
+    tsuya_threads t;
+    double bound[2];
+    weave_random(&cloth, &camera, SEED + 1, index);
+    cloth.fibre = 0.0;
+    cloth.uneven = 0.0;
+    if (camera.contrast < 0.5 || fmin(cloth.weft_px, cloth.warp_px) < 4.0 || fmax(cloth.weft_px, cloth.warp_px) > 10.0 ||
+        weave_draft_repeat(cloth.draft) * fmax(cloth.weft_px, cloth.warp_px) > N) {
+        return;
+    }
+    weave_draw(values, N, &cloth, &camera);
+    tsuya_detector_run(m->detector, &t, values);
+    if (!t.a.seen || !t.b.seen || worse_deg((double[2]){t.a.angle_rad, t.b.angle_rad}, &cloth) > 1.0) {
+        return;
+    }
+    weave_bound(&bound[0], &bound[1], N, &cloth, &camera, camera.spread / camera.contrast);
+    const double want[2] = {cloth.weft_deg * M_PI / 180.0, cloth.warp_deg * M_PI / 180.0};
+    for (int k = 0; k < 2; k++) {
+        double e = fmin(tsuya_line_difference(t.a.angle_rad, want[k]), tsuya_line_difference(t.b.angle_rad, want[k]));
+        s->error_square += e * e / (bound[k] * bound[k]);
+        s->bounded++;
+    }
+}
+
+static void run_draws(sums *s, method *methods, int draws)
+{
+    static float values[N * N];
+    for (int i = 0; i < draws; i++) {
+        weave_cloth cloth;
+        weave_camera camera;
+        tsuya_threads t = {0};
+        weave_random(&cloth, &camera, SEED, (uint64_t)i);
+        weave_draw(values, N, &cloth, &camera);
+        bool tellable = camera.contrast >= 0.5 && fmin(cloth.weft_px, cloth.warp_px) >= 4.0 &&
+                        weave_draft_repeat(cloth.draft) * fmax(cloth.weft_px, cloth.warp_px) <= N;
+        for (int m = tellable ? METHODS - 1 : DETECTOR; m >= 0; m--) {
+            double e = run_method(&methods[m], values, &cloth, &t);
+            if (tellable) {
+                methods[m].error_deg[s->tellable] = e;
+            }
+            if (m == DETECTOR) {
+                calibrate(s, t.confidence, e < 2.0);
+                if (tellable) {
+                    int *draft = s->per_draft[cloth.draft];
+                    draft[0]++;
+                    draft[1] += e < 1.0;
+                    draft[2] += t.confidence >= 0.8;
+                    if (t.confidence >= 0.8) {
+                        s->sure_error[s->sure++] = e;
+                        s->sure_right += e < 2.0;
+                    }
+                }
+            }
+        }
+        s->tellable += tellable;
+        s->draws++;
+    }
+}
+
+static void print_table(const sums *s, method *methods)
+{
+    int n = s->tellable;
+    printf("%-28s %10s %10s %12s %12s\n", "method", "median_deg", "p90_deg", "within_1_deg", "ns_per_px");
+    for (int m = 0; m < METHODS; m++) {
+        int within = 0;
+        for (int i = 0; i < n; i++) {
+            within += methods[m].error_deg[i] < 1.0;
+        }
+        qsort(methods[m].error_deg, (size_t)n, sizeof(double), compare_doubles);
+        int runs = m == DETECTOR ? s->draws : n;
+        /* at 50 % overlap each pixel is looked at four times; two cores */
+        printf("%-28s %10.3f %10.3f %12.3f %12.1f\n", methods[m].name, methods[m].error_deg[n / 2], methods[m].error_deg[(int)(0.9 * (n - 1))],
+               (double)within / n, 1e9 * methods[m].seconds / runs / (32.0 * 32.0) / 2.0);
+    }
+    printf("tellable patches %d of %d; time: processor time of a patch over the 32 x 32 px that it stands for, on two cores\n\n", n, s->draws);
+}
+
+static void print_confidence(const sums *s, const double *sure_error)
+{
+    double calibration = 0.0;
+    for (int k = 0; k < 10; k++) {
+        calibration += fabs(s->surplus[k]) / s->calibrated;
+    }
+    printf("calibration error %.4f over %d patches; of the tellable %.3f have confidence >= 0.8, of these %.3f are right, p90 %.3f degrees\n", calibration,
+           s->calibrated, (double)s->sure / s->tellable, (double)s->sure_right / s->sure, sure_error[(int)(0.9 * (s->sure - 1))]);
+    printf("error over the Cramer-Rao bound, rms, period 4 to 10 px: %.2f over %d families\n\n", sqrt(s->error_square / s->bounded), s->bounded);
+    for (int d = 0; d < WEAVE_DRAFT_COUNT; d++) {
+        const int *p = s->per_draft[d];
+        printf("%-10s within 1 degree %.3f, confidence >= 0.8 on %.3f, of %d\n", weave_draft_name((weave_draft)d), (double)p[1] / p[0], (double)p[2] / p[0], p[0]);
+    }
+}
+
+/* Whole pictures: time against size, and patch and step turned. */
+static int run_pictures(void)
+{
+    static const int setting[5][4] = {{1500, 1000, 64, 32}, {3000, 2000, 64, 32}, {6000, 4000, 64, 32}, {3000, 2000, 64, 64}, {3000, 2000, 128, 64}};
+    static float tile[256 * 256];
+    weave_cloth cloth = weave_cloth_default();
+    weave_camera camera = weave_camera_default();
+    tsuya_context context = tsuya_context_default();
+    cloth.weft_deg = 20.0;
+    cloth.warp_deg = 112.0;
+    weave_draw(tile, 256, &cloth, &camera);
+    printf("\n%-14s %6s %6s %10s %12s\n", "picture", "patch", "step", "seconds", "ns_per_px");
+    for (int k = 0; k < 5; k++) {
+        tsuya_image image;
+        tsuya_patch_grid grid;
+        tsuya_patch_options options = tsuya_patch_options_default();
+        options.patch_px = setting[k][2];
+        options.step_px = setting[k][3];
+        if (tsuya_image_create(&image, setting[k][0], setting[k][1], 1, TSUYA_SAMPLE_F32, TSUYA_ENCODING_SRGB) != TSUYA_OK) {
+            return 1;
+        }
+        for (int y = 0; y < image.height_px; y++) {
+            for (int x = 0; x < image.width_px; x++) {
+                *tsuya_image_f32(&image, x, y) = tile[(y & 255) * 256 + (x & 255)];
+            }
+        }
+        double begin = tsuya_clock_s();
+        tsuya_status status = tsuya_patches_detect(&grid, &image, NULL, &options, &context);
+        double seconds = tsuya_clock_s() - begin;
+        tsuya_image_free(&image);
+        if (status != TSUYA_OK) {
+            return 1;
+        }
+        tsuya_patches_free(&grid);
+        printf("%5d x %-6d %6d %6d %10.3f %12.1f\n", setting[k][0], setting[k][1], options.patch_px, options.step_px, seconds,
+               1e9 * seconds / ((double)setting[k][0] * setting[k][1]));
+    }
+    return 0;
+}
+
+int main(int argc, char **argv)
+{
+    int draws = argc > 1 ? atoi(argv[1]) : 10000;
+    method methods[METHODS] = {
+        {.name = "tsuya", .rounds = 2}, {.name = "tsuya, one round", .rounds = 1}, {.name = "tsuya, no refinement", .rounds = 0},
+        {.name = "plain FFT peaks", .peer = peer_fourier_peak}, {.name = "Sobel histogram", .peer = peer_sobel_histogram},
+        {.name = "OpenCV structure tensor", .peer = peer_structure_tensor}, {.name = "Gaussian derivative tensor", .peer = peer_gaussian_derivative},
+    };
+    sums s = {.sure_error = tsuya_calloc((size_t)draws, sizeof(double))};
+    for (int m = 0; m < METHODS; m++) {
+        methods[m].error_deg = tsuya_calloc((size_t)draws, sizeof(double));
+        tsuya_detector_options options = {.rounds = methods[m].rounds};
+        if (!methods[m].error_deg || tsuya_detector_create(&methods[m].detector, N, &options) != TSUYA_OK) {
+            return 1;
+        }
+    }
+    run_draws(&s, methods, draws);
+    for (int i = 0; i < draws / 8; i++) {
+        hold_against_bound(&s, &methods[DETECTOR], (uint64_t)i);
+    }
+    print_table(&s, methods);
+    qsort(s.sure_error, (size_t)s.sure, sizeof(double), compare_doubles);
+    print_confidence(&s, s.sure_error);
+    int result = run_pictures();
+    for (int m = 0; m < METHODS; m++) {
+        tsuya_free(methods[m].error_deg);
+        tsuya_detector_free(methods[m].detector);
+    }
+    tsuya_free(s.sure_error);
+    return result;
+}

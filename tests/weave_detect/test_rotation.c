@@ -1,0 +1,163 @@
+/* Real cloth, turned: the answer must turn with it.  This shows repeatability, not truth. */
+#include "support.h"
+
+#include "core/image.h"
+#include "weave_detect/detector.h"
+
+#include <math.h>
+
+enum { N = 64, STEP_DEG = 5, MOST_DEG = 40, CENTRES = 9, MOST_IMAGES = 200, MOST_ERRORS = MOST_IMAGES * CENTRES * 17 };
+
+typedef struct tally {
+    int images, patches, sure, coarse, coarse_sure;
+    size_t count;
+    double *error_deg;
+} tally;
+
+static tsuya_detector *detector;
+
+/* Keys' cubic, a = −½. */
+static void cubic(double w[4], double t)
+{
+    w[0] = ((-0.5 * t + 1.0) * t - 0.5) * t;
+    w[1] = (1.5 * t - 2.5) * t * t + 1.0;
+    w[2] = ((-1.5 * t + 2.0) * t + 0.5) * t;
+    w[3] = (0.5 * t - 0.5) * t * t;
+}
+
+static float sample(const tsuya_image *grey, double x, double y)
+{
+    int i = (int)floor(x), j = (int)floor(y);
+    double wx[4], wy[4], sum = 0.0;
+    cubic(wx, x - i);
+    cubic(wy, y - j);
+    for (int b = 0; b < 4; b++) {
+        for (int a = 0; a < 4; a++) {
+            sum += wy[b] * wx[a] * (double)*tsuya_image_f32(grey, i - 1 + a, j - 1 + b);
+        }
+    }
+    return (float)sum;
+}
+
+/* The patch about (cx, cy) of the image turned counter-clockwise. */
+static void turned(float *values, const tsuya_image *grey, double cx, double cy, double turn_rad)
+{
+    double c = cos(turn_rad), s = sin(turn_rad);
+    for (int k = 0; k < N * N; k++) {
+        double x = k % N - 0.5 * (N - 1), y = (int)(k / N) - 0.5 * (N - 1);
+        values[k] = sample(grey, cx + c * x - s * y, cy + s * x + c * y);
+    }
+}
+
+/* How far the worse family is from having turned by `turn`. */
+static double miss_deg(const tsuya_threads *still, const tsuya_threads *moved, double turn_rad)
+{
+    double a = still->a.angle_rad + turn_rad, b = still->b.angle_rad + turn_rad;
+    double straight = fmax(tsuya_line_difference(moved->a.angle_rad, a), tsuya_line_difference(moved->b.angle_rad, b));
+    double swapped = fmax(tsuya_line_difference(moved->b.angle_rad, a), tsuya_line_difference(moved->a.angle_rad, b));
+    return fmin(straight, swapped) * 180.0 / M_PI;
+}
+
+static void look_at(tally *t, const tsuya_image *grey, double cx, double cy)
+{
+    static float values[N * N];
+    tsuya_threads still, moved;
+    turned(values, grey, cx, cy, 0.0);
+    tsuya_detector_run(detector, &still, values);
+    t->patches++;
+    t->sure += still.confidence >= 0.8;
+    bool coarse = still.a.seen && still.b.seen && still.a.period_px >= 4.0 && still.b.period_px >= 4.0;
+    t->coarse += coarse;
+    t->coarse_sure += coarse && still.confidence >= 0.8;
+    for (int turn = -MOST_DEG; still.confidence >= 0.8 && turn <= MOST_DEG; turn += STEP_DEG) {
+        turned(values, grey, cx, cy, turn * M_PI / 180.0);
+        tsuya_detector_run(detector, &moved, values);
+        if (turn != 0 && moved.confidence >= 0.8) {
+            t->error_deg[t->count++] = miss_deg(&still, &moved, turn * M_PI / 180.0);
+        }
+    }
+}
+
+static int compare_doubles(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static bool run_folder(tally *t, const char *folder, const char *prefix)
+{
+    tsuya_arena *arena;
+    char **names;
+    int count;
+    *t = (tally){.error_deg = tsuya_calloc(MOST_ERRORS, sizeof(double))};
+    assert_non_null(t->error_deg);
+    assert_ok(tsuya_arena_create(&arena, 1 << 12));
+    assert_ok(tsuya_folder_list(&names, &count, folder, arena));
+    for (int i = 0; i < count && t->images < MOST_IMAGES; i++) {
+        tsuya_image image, grey;
+        char path[TEST_PATH];
+        if (strncmp(names[i], prefix, strlen(prefix)) != 0) {
+            continue;
+        }
+        snprintf(path, sizeof path, "%s/%s", folder, names[i]);
+        assert_ok(tsuya_image_load(&image, path));
+        assert_ok(tsuya_image_grey(&grey, &image, TSUYA_SAMPLE_F32));
+        for (int k = 0; k < CENTRES; k++) {
+            look_at(t, &grey, 0.5 * grey.width_px + 40.0 * (k % 3 - 1), 0.5 * grey.height_px + 40.0 * (k / 3 - 1));
+        }
+        t->images++;
+        tsuya_image_free(&image);
+        tsuya_image_free(&grey);
+    }
+    tsuya_arena_free(arena);
+    qsort(t->error_deg, t->count, sizeof *t->error_deg, compare_doubles);
+    printf("%s: %d images, %d patches, %.1f %% sure (%.1f %% of those with threads of 4 px and more); turned: median %.3f, p90 %.3f degrees over %zu\n",
+           prefix, t->images, t->patches, 100.0 * t->sure / t->patches, 100.0 * t->coarse_sure / (t->coarse > 0 ? t->coarse : 1),
+           t->count ? t->error_deg[t->count / 2] : NAN, t->count ? t->error_deg[(size_t)(0.9 * (double)(t->count - 1))] : NAN, t->count);
+    return t->images > 0;
+}
+
+static void turns_with(const char *folder, const char *prefix, double median_deg, double p90_deg)
+{
+    const char *path = test_data(folder);
+    tally t;
+    if (!path) {
+        skip();
+    }
+    assert_true(run_folder(&t, path, prefix));
+    if (median_deg > 0.0) {
+        assert_true(t.count > 0 && t.error_deg[t.count / 2] <= median_deg);
+        assert_true(t.error_deg[(size_t)(0.9 * (double)(t.count - 1))] <= p90_deg);
+    }
+    tsuya_free(t.error_deg);
+}
+
+static void test_linen(void **state)
+{
+    (void)state;
+    turns_with("weave/kth_tips", "44-", 0.3, 1.0);
+}
+
+static void test_cotton(void **state)
+{
+    (void)state;
+    turns_with("weave/kth_tips", "46-", 0.3, 1.0);
+}
+
+/* Reported, whatever it gives. */
+static void test_wool(void **state)
+{
+    (void)state;
+    turns_with("weave/kth_tips2_wool", "22", 0.0, 0.0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_linen), cmocka_unit_test(test_cotton), cmocka_unit_test(test_wool)};
+    if (tsuya_detector_create(&detector, N, NULL) != TSUYA_OK) {
+        return 1;
+    }
+    int result = cmocka_run_group_tests(tests, NULL, NULL);
+    tsuya_detector_free(detector);
+    return result;
+}
