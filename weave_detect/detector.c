@@ -7,7 +7,7 @@
 #include <math.h>
 
 static const double SAME_RAD = 2.0 * M_PI / 180.0, RIGHT_RAD = 2.0 * M_PI / 180.0;
-static const float LONE_LEVEL = 3.5f, NONE = 0.5f;
+static const float LONE_LEVEL = 3.5f, NOISE_LEVEL = 2.8f, NONE = 0.5f;
 static const double KIND_MARGIN = 0.25; /* of the level's feature over the next step's, before a kind is named */
 
 struct tsuya_detector {
@@ -94,6 +94,24 @@ static void one_family(tsuya_detector *d, tsuya_threads *threads)
     }
 }
 
+/* All peaks but the strongest and its harmonics are as noise makes them. */
+static bool is_one_tone(const tsuya_spectrum *s)
+{
+    const tsuya_peak *p = s->peak;
+    double pp = (double)(p->fx * p->fx + p->fy * p->fy);
+    if (s->peak_count == 0 || p->level < LONE_LEVEL) {
+        return false;
+    }
+    for (int i = 1; i < s->peak_count && s->peak[i].level > NOISE_LEVEL; i++) {
+        const tsuya_peak *q = &s->peak[i];
+        double times = rint((double)(p->fx * q->fx + p->fy * q->fy) / pp), dx = (double)q->fx - times * (double)p->fx, dy = (double)q->fy - times * (double)p->fy;
+        if (times == 0.0 || dx * dx + dy * dy > 1.0 / ((double)s->n * s->n)) {
+            return false;
+        }
+    }
+    return true;
+}
+
 void tsuya_detector_run(tsuya_detector *d, tsuya_threads *threads, const float *values)
 {
     int best;
@@ -106,7 +124,7 @@ void tsuya_detector_run(tsuya_detector *d, tsuya_threads *threads, const float *
     tsuya_bases_list(&d->bases, d->spectrum);
     tsuya_bases_weigh(&d->bases);
     double probability = choose(&d->bases, &best);
-    if (best < 0 || d->bases.none_probability > NONE) {
+    if (best < 0 || d->bases.none_probability > NONE || is_one_tone(d->spectrum)) {
         one_family(d, threads);
         return;
     }

@@ -1,6 +1,6 @@
 /* Fits the weights of weave_detect/lattice.c on drawn cloth and on pictures that are none, and prints lattice_weights.h.
  *
- *     build/release/tests/weave_detect/fit_lattice 60000 > weave_detect/lattice_weights.h
+ *     build/release/tests/weave_detect/fit_lattice 36000 > weave_detect/lattice_weights.h
  *
  * Maximum likelihood of the right alternative (or of "none" where no alternative is right), by Adam (Kingma & Ba 2015).  Draws with
  * seed 1000; tests and benches use other seeds. */
@@ -17,7 +17,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { N = 64, EPOCHS = 30, BATCH = 128, SEED = 1000 };
+enum { N = 64, EPOCHS = 36, BATCH = 128, SEED = 1000 };
 
 typedef struct example {
     int count, right[TSUYA_BASES + 1]; /* the last alternative is "none" */
@@ -45,10 +45,6 @@ static void make(example *e, uint64_t index)
     }
     if (is_cloth) {
         weave_random(&cloth, &camera, SEED, index);
-        if (tsuya_random_uniform(SEED, 7, index) < 0.35) { /* handspun: less even than the bench's */
-            cloth.uneven = 0.16 * tsuya_random_uniform(SEED, 8, index);
-            cloth.fibre *= 2.0;
-        }
         weave_draw(values, N, &cloth, &camera);
     } else if (unresolved) { /* finer than pixels: what is seen is moiré */
         weave_random(&cloth, &camera, SEED, index);
