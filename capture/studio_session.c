@@ -32,7 +32,7 @@ tsuya_studio_session tsuya_studio_session_default(void)
 {
     return (tsuya_studio_session){
         .drape = tsuya_studio_drape_default(), .weave = tsuya_studio_weave_default(), .sensor = tsuya_studio_sensor_default(),
-        .width_px = 960, .height_px = 720, .focal_px = 1207.0, .k1 = -0.04,
+        .width_px = 800, .height_px = 600, .focal_px = 1006.0, .k1 = -0.04,
         .ring_views = {14, 8, 2}, .ring_elevation_deg = {17.0, 40.0, 70.0}, .ring_distance_m = {0.47, 0.49, 0.49},
         .spp = 9, .light_samples = 25, .jpeg_quality = 95,
     };

@@ -23,7 +23,7 @@ typedef struct tsuya_studio_session {
     int spp, light_samples, jpeg_quality;
 } tsuya_studio_session;
 
-/* 24 photographs of 960 × 720. */
+/* 24 photographs of 800 × 600. */
 TSUYA_API tsuya_studio_session tsuya_studio_session_default(void);
 /* Draws and writes.  A folder that holds the same session whole is left as it is. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_studio_session_write(const tsuya_studio_session *session, const char *folder,

@@ -16,7 +16,7 @@ static const float PETAL[5][3] = {
 
 tsuya_studio_weave tsuya_studio_weave_default(void)
 {
-    return (tsuya_studio_weave){.weft_pitch_m = 0.0022, .warp_pitch_m = 0.0016, .unevenness = 0.10, .seed = 1, .half_side_m = 0.165};
+    return (tsuya_studio_weave){.weft_pitch_m = 0.0026, .warp_pitch_m = 0.0020, .unevenness = 0.10, .seed = 1, .half_side_m = 0.165};
 }
 
 static double hash(const tsuya_studio_weave *w, uint64_t stream, long long a, long long b)
