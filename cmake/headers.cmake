@@ -5,6 +5,7 @@ set(TSUYA_PUBLIC_HEADERS
   brdf/samples.h
   capture/check.h
   capture/studio.h
+  capture/studio_goniometer.h
   capture/studio_sensor.h
   capture/studio_session.h
   core/api.h
