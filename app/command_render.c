@@ -28,7 +28,7 @@ static const struct argp_option render_options[] = {
     {"size", KEY_SIZE, "WxH", 0, "Picture of the turntable (default 1280x960)", 0},
     {"elevation", KEY_ELEVATION, "DEG", 0, "Height of the turntable's camera (default 15)", 0},
     {"up", KEY_UP, "X,Y,Z", 0, "Axis of the turntable (default 0,0,1)", 0},
-    {"color", KEY_COLOR, "COLOR", 0, "Dye the cloth: \"#rrggbb\", or \"r,g,b\" in linear light", 0},
+    {"color", KEY_COLOR, "COLOR", 0, "Dye the cloth: a name, #rrggbb, r,g,b (linear), lab(L,a,b), or SPECTRUM.csv (nm,reflectance)", 0},
     {"transmission", KEY_TRANSMISSION, "R,G,B", 0, "Share of the light that thin cloth lets through, spread evenly (default: none)", 0},
     {"spp", KEY_SPP, "N", 0, "Samples a pixel (default 64)", 0},
     {"noise", KEY_NOISE, "E", 0, "Stop a pixel at this relative error; --spp is then the most it gets", 0},

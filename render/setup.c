@@ -1,57 +1,13 @@
 #include "render/setup.h"
 
 #include "core/file.h"
-#include "core/image.h"
-#include "core/table.h"
+#include "core/json.h"
 
 #include "render/views.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
-
-static int hex_digit(char c)
-{
-    return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1;
-}
-
-static bool parse_hex(double rgb[3], const char *text)
-{
-    if (text[0] != '#' || strlen(text) != 7) {
-        return false;
-    }
-    for (int c = 0; c < 3; ++c) {
-        int high = hex_digit(text[1 + 2 * c]), low = hex_digit(text[2 + 2 * c]);
-        if (high < 0 || low < 0) {
-            return false;
-        }
-        rgb[c] = tsuya_srgb_decode((float)(16 * high + low) / 255.0f);
-    }
-    return true;
-}
-
-static bool parse_numbers(double rgb[3], const char *text)
-{
-    char part[3][32];
-    int used = 0;
-    if (sscanf(text, "%31[^,],%31[^,],%31[^,]%n", part[0], part[1], part[2], &used) != 3 || text[used] != '\0') {
-        return false;
-    }
-    for (int c = 0; c < 3; ++c) {
-        if (!tsuya_parse_number(&rgb[c], part[c]) || !(rgb[c] >= 0.0 && rgb[c] <= 1.0)) {
-            return false;
-        }
-    }
-    return true;
-}
-
-tsuya_status tsuya_render_parse_color(double rgb[3], const char *text)
-{
-    if (parse_hex(rgb, text) || parse_numbers(rgb, text)) {
-        return TSUYA_OK;
-    }
-    return tsuya_fail(TSUYA_ERROR_INPUT, "colour \"%.60s\": expected \"#rrggbb\" (sRGB) or \"r,g,b\" (linear, each in [0, 1])", text);
-}
 
 static tsuya_status load_materials(tsuya_render_setup *s, const tsuya_render_options *o)
 {

@@ -146,6 +146,47 @@ static void test_cameras(void **state)
     assert_string_equal(a.hex, b.hex);
 }
 
+static void check_color(const char *text, tsuya_lab expected, double tolerance)
+{
+    double rgb[3];
+    assert_ok(tsuya_render_parse_color(rgb, text));
+    double d = tsuya_color_difference(expected, tsuya_lab_from_rgb((tsuya_vec3){rgb[0], rgb[1], rgb[2]}));
+    if (!(d < tolerance)) {
+        fail_msg("%s is off by %.2f ΔE00", text, d);
+    }
+}
+
+/* One colour said in five ways. */
+static void test_colors_are_read(void **state)
+{
+    (void)state;
+    double rgb[3];
+    char path[TEST_PATH];
+    assert_ok(tsuya_render_parse_color(rgb, "Indigo"));
+    tsuya_lab indigo = tsuya_lab_from_rgb((tsuya_vec3){rgb[0], rgb[1], rgb[2]});
+    check_color("#4B0082", indigo, 1e-4);
+    char text[96];
+    snprintf(text, sizeof text, "%.8f,%.8f, %.8f", rgb[0], rgb[1], rgb[2]);
+    check_color(text, indigo, 1e-3);
+    snprintf(text, sizeof text, "lab(%.6f, %.6f, %.6f)", indigo.l, indigo.a, indigo.b);
+    check_color(text, indigo, 1e-3);
+    snprintf(path, sizeof path, "%s", test_path("grey.csv"));
+    static const char grey[] = "nm,reflectance\n380,0.18\n560,0.18\n780,0.18\n", wild[] = "nm,reflectance\n380,0.18\n370,0.18\n",
+                      laser[] = "nm,reflectance\n380,0\n690,0\n700,1\n710,0\n";
+    assert_ok(tsuya_file_write(path, grey, sizeof grey - 1));
+    check_color(path, tsuya_lab_from_rgb((tsuya_vec3){0.18, 0.18, 0.18}), 1e-6);
+    assert_ok(tsuya_file_write(path, wild, sizeof wild - 1));
+    assert_fails(tsuya_render_parse_color(rgb, path), "370");
+    assert_ok(tsuya_file_write(path, laser, sizeof laser - 1));
+    assert_ok(tsuya_render_parse_color(rgb, path)); /* deep red, too dark to leave the gamut by more than rounding */
+    assert_true(rgb[0] > 2.0 * rgb[1]);
+    assert_fails(tsuya_render_parse_color(rgb, "crimsom"), "crimson");
+    assert_fails(tsuya_render_parse_color(rgb, "lab(50,120,-120)"), "gamut");
+    assert_fails(tsuya_render_parse_color(rgb, "lab(50,20"), "lab(L,a,b)");
+    assert_fails(tsuya_render_parse_color(rgb, "#12345g"), "#rrggbb");
+    assert_fails(tsuya_render_parse_color(rgb, "/nowhere/red.csv"), "/nowhere/red.csv");
+}
+
 /* A matte ball of a colour under the default studio shows that colour, light or dark, where it faces the camera. */
 static void test_colors_show_as_asked(void **state)
 {
@@ -284,6 +325,7 @@ int main(void)
         cmocka_unit_test(test_turntable_and_resume),
         cmocka_unit_test(test_figures),
         cmocka_unit_test(test_cameras),
+        cmocka_unit_test(test_colors_are_read),
         cmocka_unit_test(test_colors_show_as_asked),
         cmocka_unit_test(test_like),
         cmocka_unit_test(test_refusals),
