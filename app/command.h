@@ -64,6 +64,8 @@ int tsuya_command_reconstruct(int argc, char **argv);
 int tsuya_command_weave_image(int argc, char **argv);
 int tsuya_command_weave_mesh(int argc, char **argv);
 int tsuya_command_brdf_eval(int argc, char **argv);
+int tsuya_command_brdf_fit(int argc, char **argv);
+int tsuya_command_brdf_compare(int argc, char **argv);
 int tsuya_command_render(int argc, char **argv);
 
 #endif

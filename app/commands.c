@@ -8,12 +8,13 @@ const tsuya_command tsuya_commands[] = {
     {"weave image", "thread directions, periods and confidence of a photograph, patch by patch", tsuya_command_weave_image},
     {"weave mesh", "lifts the threads of all photographs to one weft field on the surface", tsuya_command_weave_mesh},
     {"brdf eval", "reads directions on stdin, writes a material's reflectance", tsuya_command_brdf_eval},
+    {"brdf fit", "fits a material to measured reflectance", tsuya_command_brdf_fit},
+    {"brdf compare", "fits every model to the same samples: error beside time and size", tsuya_command_brdf_compare},
     {"render", "shades a mesh with its weft field and materials", tsuya_command_render},
     {NULL, NULL, NULL},
 };
 
 /* Commands of the interface that later versions bring. */
 const char *const tsuya_later_commands[] = {
-    "capture target", "capture simulate", "calib camera", "calib compare", "calib light", "calib color", "brdf fit",
-    "brdf compare", "brdf plan", "brdf predict", "brdf plot", "brdf export", "bench", NULL,
+    "capture target", "capture simulate", "calib camera", "calib compare", "calib light", "calib color", "brdf plan", "brdf predict", "brdf plot", "brdf export", "bench", NULL,
 };

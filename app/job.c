@@ -183,11 +183,6 @@ static tsuya_status check_materials(tsuya_job *job)
         if ((m->samples != NULL) == (m->model != NULL)) {
             return invalid(job, "materials: name", m->name, "needs either samples: or model:");
         }
-        if (m->samples) {
-            return tsuya_fail(TSUYA_ERROR_UNAVAILABLE,
-                              "%s: materials: %s: samples: fitting measured samples is not in this version; give model:",
-                              job->path, m->name);
-        }
         if (m->where) {
             return tsuya_fail(TSUYA_ERROR_UNAVAILABLE,
                               "%s: materials: %s: where: regions of material are not in this version", job->path, m->name);

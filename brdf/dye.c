@@ -32,9 +32,13 @@ static double van_der_corput(uint32_t i)
 }
 
 /* ∫ f cosθ dw by the model's own sampling over a Hammersley set. */
-static void integrate(const tsuya_brdf_model *model, const void *state, int channels, tsuya_vec3 wo, double *albedo)
+static void integrate(const tsuya_brdf_model *model, const void *state, int channels, const tsuya_albedo_table *limit, tsuya_vec3 wo,
+                      double *albedo)
 {
-    double f[TSUYA_MATERIAL_MAX_CHANNELS];
+    double f[TSUYA_MATERIAL_MAX_CHANNELS], here = 1.0, there = 1.0;
+    if (limit) {
+        tsuya_albedo_table_eval(limit, wo, &here);
+    }
     for (int c = 0; c < channels; ++c) {
         albedo[c] = 0.0;
     }
@@ -46,27 +50,33 @@ static void integrate(const tsuya_brdf_model *model, const void *state, int chan
             continue;
         }
         model->eval(state, channels, wi, wo, f);
+        if (limit) {
+            tsuya_albedo_table_eval(limit, wi, &there);
+        }
         for (int c = 0; c < channels; ++c) {
-            albedo[c] += f[c] * wi.z / (pdf * DRAWS);
+            albedo[c] += here * there * f[c] * wi.z / (pdf * DRAWS);
         }
     }
 }
 
-static void fill_node(tsuya_albedo_table *t, const tsuya_brdf_model *model, const void *state, int node)
+static double fill_node(tsuya_albedo_table *t, const tsuya_brdf_model *model, const void *state, const tsuya_albedo_table *limit,
+                        int node)
 {
-    double albedo[TSUYA_MATERIAL_MAX_CHANNELS];
+    double albedo[TSUYA_MATERIAL_MAX_CHANNELS], highest = 0.0;
     tsuya_vec3 w = direction_from_grid((double)(node % t->side) / (t->side - 1), (double)(node / t->side) / (t->side - 1));
     w.z = fmax(w.z, 1e-3); /* the limit at the horizon, without dividing by it */
     w = tsuya_vec3_unit(w);
     if (model->albedo) {
         model->albedo(state, t->channels, w, albedo);
     } else {
-        integrate(model, state, t->channels, w, albedo);
+        integrate(model, state, t->channels, limit, w, albedo);
     }
     for (int c = 0; c < t->channels; ++c) {
         double a = albedo[c];
+        highest = a > highest ? a : highest;
         t->value[node * t->channels + c] = (float)(a > 0.0 ? fmin(a, 1.0) : 0.0); /* NaN gives 0 */
     }
+    return highest;
 }
 
 /* Ā of the table as it is interpolated, so that base integrates to 1 − A exactly. */
@@ -86,10 +96,12 @@ static void fill_mean(tsuya_albedo_table *t)
     }
 }
 
-tsuya_status tsuya_albedo_table_create(tsuya_albedo_table **table, const tsuya_brdf_model *model, const void *state, int channels)
+tsuya_status tsuya_albedo_table_create(tsuya_albedo_table **table, double *highest, const tsuya_brdf_model *model, const void *state,
+                                       int channels, const tsuya_albedo_table *limit)
 {
     tsuya_status status = TSUYA_OK;
     tsuya_albedo_table *t;
+    double top = 0.0;
     *table = NULL;
     TSUYA_NEW(status, t, 1);
     t->channels = channels;
@@ -97,12 +109,64 @@ tsuya_status tsuya_albedo_table_create(tsuya_albedo_table **table, const tsuya_b
     TSUYA_NEW(status, t->value, (size_t)t->side * (size_t)t->side * (size_t)channels);
     TSUYA_NEW(status, t->inverse_rest, (size_t)channels);
     TSUYA_NEW(status, t->mean, (size_t)channels);
-#pragma omp parallel for schedule(dynamic, 16)
+#pragma omp parallel for schedule(dynamic, 16) reduction(max : top)
     for (int node = 0; node < t->side * t->side; ++node) {
-        fill_node(t, model, state, node);
+        top = fmax(top, fill_node(t, model, state, limit, node));
     }
     fill_mean(t);
+    if (highest) {
+        *highest = top;
+    }
     *table = t;
+    return TSUYA_OK;
+done:
+    tsuya_albedo_table_free(t);
+    return status;
+}
+
+/* The largest factor that a node and its neighbours allow, so that what lies between nodes keeps the bound too. */
+static float allowed(const float *albedo, int side, int i, int j)
+{
+    float largest = 1.0f;
+    for (int dj = -1; dj <= 1; ++dj) {
+        for (int di = -1; di <= 1; ++di) {
+            int u = (i + di + side - 1) % (side - 1), v = j + dj;
+            if (v >= 0 && v < side) {
+                largest = fmaxf(largest, albedo[v * side + u]);
+            }
+        }
+    }
+    return 1.0f / (largest > 1.0f ? 1.005f * largest : 1.0f);
+}
+
+tsuya_status tsuya_limit_table_create(tsuya_albedo_table **limit, const tsuya_brdf_model *model, const void *state, int channels)
+{
+    tsuya_status status = TSUYA_OK;
+    tsuya_albedo_table *t;
+    float *albedo = NULL;
+    *limit = NULL;
+    TSUYA_NEW(status, t, 1);
+    t->channels = 1;
+    t->side = SIDE_FINE;
+    TSUYA_NEW(status, t->value, (size_t)t->side * (size_t)t->side);
+    TSUYA_NEW(status, t->inverse_rest, 1);
+    TSUYA_NEW(status, t->mean, 1);
+    TSUYA_NEW(status, albedo, (size_t)t->side * (size_t)t->side);
+#pragma omp parallel for schedule(dynamic, 16)
+    for (int node = 0; node < t->side * t->side; ++node) {
+        double value[TSUYA_MATERIAL_MAX_CHANNELS];
+        tsuya_vec3 w = direction_from_grid((double)(node % t->side) / (t->side - 1), (double)(node / t->side) / (t->side - 1));
+        w.z = fmax(w.z, 1e-3);
+        integrate(model, state, channels, NULL, tsuya_vec3_unit(w), value);
+        for (int c = 0; c < channels; ++c) {
+            albedo[node] = value[c] > (double)albedo[node] ? (float)fmin(value[c], 1e30) : albedo[node];
+        }
+    }
+    for (int node = 0; node < t->side * t->side; ++node) {
+        t->value[node] = allowed(albedo, t->side, node % t->side, node / t->side);
+    }
+    tsuya_free(albedo);
+    *limit = t;
     return TSUYA_OK;
 done:
     tsuya_albedo_table_free(t);
@@ -175,6 +239,15 @@ add_plane(const tsuya_albedo_table *table, int channel, float scale, const tsuya
         float ai = cell_value(plane, side, channels, cell_of(side, ix[k], iy[k], zi));
         float ao = cell_value(plane, side, channels, cell_of(side, ox[k], oy[k], zo));
         value[k] += scale * (1.0f - ai) * (1.0f - ao);
+    }
+}
+
+void tsuya_limit_batch(const tsuya_albedo_table *limit, const tsuya_direction_batch *d, float *value)
+{
+    for (int k = 0; k < d->count; ++k) {
+        float zi = d->wi_z[k] > 0.0f ? d->wi_z[k] : 1.0f, zo = d->wo_z[k] > 0.0f ? d->wo_z[k] : 1.0f;
+        float a = cell_value(limit->value, limit->side, 1, cell_of(limit->side, d->wi_x[k], d->wi_y[k], zi));
+        value[k] *= a * cell_value(limit->value, limit->side, 1, cell_of(limit->side, d->wo_x[k], d->wo_y[k], zo));
     }
 }
 

@@ -20,8 +20,16 @@ typedef struct tsuya_albedo_table {
     double *mean;         /* Ā per channel */
 } tsuya_albedo_table;
 
-TSUYA_MUST_CHECK tsuya_status tsuya_albedo_table_create(tsuya_albedo_table **table, const tsuya_brdf_model *model,
-                                                        const void *state, int channels);
+/* `limit`: factors of both directions that the surface part is taken with; may be NULL.  `highest` (may be NULL): the largest
+ * albedo before it was held at 1. */
+TSUYA_MUST_CHECK tsuya_status tsuya_albedo_table_create(tsuya_albedo_table **table, double *highest, const tsuya_brdf_model *model,
+                                                        const void *state, int channels, const tsuya_albedo_table *limit);
+/* Factors s(w) ≤ 1 of one channel with which s(wi) f s(wo) reflects at most what it receives: 1 / max(1, A(w)) of a model whose
+ * largest albedo over the channels is A.  Reciprocal, since both directions get theirs. */
+TSUYA_MUST_CHECK tsuya_status tsuya_limit_table_create(tsuya_albedo_table **limit, const tsuya_brdf_model *model, const void *state,
+                                                       int channels);
+/* value[k] *= s(wi) s(wo) */
+void tsuya_limit_batch(const tsuya_albedo_table *limit, const tsuya_direction_batch *batch, float *value);
 void tsuya_albedo_table_free(tsuya_albedo_table *table);
 size_t tsuya_albedo_table_bytes(const tsuya_albedo_table *table);
 

@@ -124,6 +124,15 @@ static tsuya_status create(ggx **state, int channels, double alpha_x, double alp
     return TSUYA_OK;
 }
 
+tsuya_status tsuya_ggx_create(void **state, int channels, double alpha_weft, double alpha_warp, double eta, const double *strength)
+{
+    ggx *g;
+    TSUYA_TRY(create(&g, channels, alpha_weft, alpha_warp, eta));
+    memcpy(g->strength, strength, (size_t)channels * sizeof *strength);
+    *state = g;
+    return TSUYA_OK;
+}
+
 /* Roughness below 1e-3 is a mirror, which no cloth is; above 1 the distribution turns inside out. */
 static const double alpha_range[2] = {1e-3, 1.0}, eta_range[2] = {1.01, 4.0};
 

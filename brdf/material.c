@@ -28,6 +28,19 @@ static tsuya_status name_channels(tsuya_material *m, int count, const char *cons
     return TSUYA_OK;
 }
 
+static tsuya_status make_tables(tsuya_material *m)
+{
+    double highest;
+    TSUYA_TRY(tsuya_albedo_table_create(&m->albedo, &highest, m->model, m->state, m->channel_count, NULL));
+    if (!m->model->unbounded || !(highest > 0.999)) {
+        return TSUYA_OK;
+    }
+    tsuya_albedo_table_free(m->albedo);
+    m->albedo = NULL;
+    TSUYA_TRY(tsuya_limit_table_create(&m->limit, m->model, m->state, m->channel_count));
+    return tsuya_albedo_table_create(&m->albedo, NULL, m->model, m->state, m->channel_count, m->limit);
+}
+
 tsuya_status tsuya_material_create(tsuya_material **material, const tsuya_brdf_model *model, void *state, const char *name,
                                    int channel_count, const char *const *channels)
 {
@@ -51,7 +64,7 @@ tsuya_status tsuya_material_create(tsuya_material **material, const tsuya_brdf_m
     if (!m->name || !m->note) {
         TSUYA_GOTO_DONE(status, TSUYA_ERROR_MEMORY);
     }
-    TSUYA_GOTO_DONE(status, tsuya_albedo_table_create(&m->albedo, model, m->state, channel_count));
+    TSUYA_GOTO_DONE(status, make_tables(m));
     *material = m;
     return TSUYA_OK;
 done:
@@ -71,6 +84,7 @@ void tsuya_material_free(tsuya_material *material)
         material->model->free_state(material->state);
     }
     tsuya_albedo_table_free(material->albedo);
+    tsuya_albedo_table_free(material->limit);
     tsuya_free(material->name);
     tsuya_free(material->note);
     tsuya_free(material->channel_name);
@@ -104,7 +118,8 @@ tsuya_material_info tsuya_material_get_info(const tsuya_material *m)
         .support = m->support,
         .heldout_cbrt = m->heldout_cbrt,
         .heldout_log = m->heldout_log,
-        .bytes = sizeof *m + (size_t)m->channel_count * per_channel + tsuya_albedo_table_bytes(m->albedo) + m->model->bytes(m->state),
+        .bytes = sizeof *m + (size_t)m->channel_count * per_channel + tsuya_albedo_table_bytes(m->albedo) + m->model->bytes(m->state) +
+                 (m->limit ? tsuya_albedo_table_bytes(m->limit) : 0),
     };
 }
 
@@ -169,6 +184,14 @@ void tsuya_material_eval(const tsuya_material *m, const double *dye, tsuya_vec3 
     }
     dye = dye ? dye : m->dye;
     m->model->eval(m->state, m->channel_count, wi, wo, value);
+    if (m->limit) {
+        double a, b;
+        tsuya_albedo_table_eval(m->limit, wi, &a);
+        tsuya_albedo_table_eval(m->limit, wo, &b);
+        for (int c = 0; c < m->channel_count; ++c) {
+            value[c] *= a * b;
+        }
+    }
     if (any_dye(dye, m->channel_count)) {
         add_dye(m, dye, wi, wo, value);
     }
@@ -233,6 +256,9 @@ void tsuya_material_eval_batch(const tsuya_material *m, const double *dye, const
     dye = dye ? dye : m->dye;
     int count = batch->count;
     m->model->eval_batch(m->state, m->channel_count, batch, value);
+    for (int c = 0; c < m->channel_count && m->limit; ++c) {
+        tsuya_limit_batch(m->limit, batch, value + (size_t)c * (size_t)count);
+    }
     if (m->coupling == TSUYA_DYE_UNDER_SURFACE) {
         tsuya_dye_add_batch(m->albedo, dye, batch, value);
     }

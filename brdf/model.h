@@ -23,9 +23,15 @@ typedef struct tsuya_brdf_model {
     void (*to_json)(const void *state, int channels, tsuya_json *parameters);
     void (*free_state)(void *state); /* NULL where the model has no state */
     size_t (*bytes)(const void *state);
+    bool unbounded; /* may reflect more than it receives: the material holds it at 1 (brdf/dye.h) */
 } tsuya_brdf_model;
 
-extern const tsuya_brdf_model tsuya_brdf_lambert, tsuya_brdf_ggx, tsuya_brdf_ggx_aniso;
+extern const tsuya_brdf_model tsuya_brdf_lambert, tsuya_brdf_ggx, tsuya_brdf_ggx_aniso, tsuya_brdf_ward, tsuya_brdf_ashikhmin;
+extern const tsuya_brdf_model tsuya_brdf_yarn, tsuya_brdf_ndf, tsuya_brdf_nurbs3;
+
+/* State of ggx and ggx-aniso; values in the ranges of brdf/ggx.c. */
+TSUYA_MUST_CHECK tsuya_status tsuya_ggx_create(void **state, int channels, double alpha_weft, double alpha_warp, double eta,
+                                               const double *strength);
 
 /* NULL where there is none; `names` (NULL-terminated) for messages. */
 const tsuya_brdf_model *tsuya_brdf_model_find(const char *name);
@@ -51,6 +57,7 @@ struct tsuya_material {
     double *dye;
     tsuya_dye_coupling coupling;
     struct tsuya_albedo_table *albedo;
+    struct tsuya_albedo_table *limit; /* NULL: the surface part nowhere reflects more than it receives */
 };
 
 /* A material around a model's state, whose ownership it takes (also on failure).  `channels` NULL: r, g, b. Dye 0, coupling

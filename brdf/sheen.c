@@ -76,8 +76,9 @@ tsuya_status tsuya_sheen_create(tsuya_sheen **sheen, int channels, int spans, in
     TSUYA_NEW(status, s->strength[0], n);
     TSUYA_NEW(status, s->strength[1], n);
     TSUYA_NEW(status, s->matte, n);
-    TSUYA_NEW(status, s->diffuse, n);
-    TSUYA_NEW(status, s->net, (size_t)tsuya_sheen_net_points(nu, nv, nd) * n);
+    s->line = (channels + 3) & ~3;
+    TSUYA_NEW(status, s->net, (size_t)tsuya_sheen_net_points(nu, nv, nd) * (size_t)s->line);
+    TSUYA_NEW(status, s->fast_curve, 4 * ((size_t)spans + 3));
     *sheen = s;
     return TSUYA_OK;
 done:
@@ -97,10 +98,8 @@ void tsuya_sheen_free(void *sheen)
     tsuya_free(s->strength[0]);
     tsuya_free(s->strength[1]);
     tsuya_free(s->matte);
-    tsuya_free(s->diffuse);
     tsuya_free(s->net);
     tsuya_free(s->fast_curve);
-    tsuya_free(s->fast_net);
     tsuya_half_table_free(s->half);
     tsuya_free(s);
 }
@@ -141,7 +140,7 @@ void tsuya_sheen_eval(const void *sheen, int channels, tsuya_vec3 wi, tsuya_vec3
     for (int c = 0; c < channels; ++c) {
         double sum = 0.0;
         for (int k = 0; k < count; ++k) {
-            sum += weight[k] * s->net[(size_t)index[k] * (size_t)channels + (size_t)c];
+            sum += weight[k] * (double)s->net[(size_t)index[k] * (size_t)s->line + (size_t)c];
         }
         value[c] *= exp(sum);
     }

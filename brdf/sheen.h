@@ -1,6 +1,6 @@
 /* The cloth's own model: two yarns, and what they leave, as NURBS in the half vector.  Models yarn, ndf and nurbs3.
  *
- *   f_c(wi, wo) = [ Σ_y s_yc A_y(ψ along yarn y) C_y(ψ across it) + m_c ] · exp(S_c(φh, θh, θd)) / (2 (cosθi + cosθo))  +  kd_c / π
+ *   f_c(wi, wo) = [ Σ_y s_yc A_y(ψ along yarn y) C_y(ψ across it) + m_c ] · exp(S_c(φh, θh, θd)) / (2 (cosθi + cosθo))
  *
  * h is the half vector, ψt = atan2(h·weft, h·n), ψb = atan2(h·warp, h·n).  The warp runs along b, so its A is a curve over ψb and
  * its C one over ψt; for the weft they change places.  A and C are exponentials of cubic B-splines, shared by the channels; s and m
@@ -26,11 +26,10 @@ typedef struct tsuya_sheen {
     double slant[2][2];                 /* κ: of each yarn, for the light's difference along and across it */
     double *strength[2];                /* per channel: warp, weft */
     double *matte;                      /* m, per channel */
-    double *diffuse;                    /* kd, per channel (kept in the material's dye once it is one) */
     int nu, nv, nd;                     /* S: nu functions round φ, nv intervals of θh in [0, π/2], nd of θd (0: none); nu = 0: no S */
-    double *net;                        /* ((d * nu + u) * (nv + 3) + v) * channels + c; v counts from one step before the pole */
-    float *fast_curve, *fast_net;       /* the same in float for batches: curves one after the other; net with lines of a multiple
-                                           of four channels */
+    int line;                           /* channels rounded up to a multiple of four */
+    float *net;                         /* ((d * nu + u) * (nv + 3) + v) * line + c; v counts from one step before the pole */
+    float *fast_curve;                  /* for batches: warp along, weft across, then warp across, weft along */
     struct tsuya_half_table *half;      /* for sampling */
 } tsuya_sheen;
 
@@ -54,9 +53,10 @@ static inline int tsuya_sheen_net_points(int nu, int nv, int nd) { return nu * (
 
 /* Logarithms of the two yarns' products, before strengths. */
 void tsuya_sheen_yarns(double log_yarn[2], const tsuya_sheen *sheen, const tsuya_half_angles *angles);
-/* The bracket of the formula times the falloff, without S and without the diffuse part. */
+/* The bracket of the formula times the falloff, without S. */
 void tsuya_sheen_guide(double *value, const tsuya_sheen *sheen, const tsuya_half_angles *angles);
 void tsuya_sheen_eval(const void *sheen, int channels, tsuya_vec3 wi, tsuya_vec3 wo, double *value);
+/* Cost: four arcus tangents, 16 + 16 table reads and two exponentials a direction, one a channel. */
 void tsuya_sheen_eval_batch(const void *sheen, int channels, const tsuya_direction_batch *batch, float *value);
 
 /* Makes what sampling and batches need, after the numbers are in place. */

@@ -440,6 +440,15 @@ static void start_from(tsuya_sheen *s, const tsuya_fit_data *d, const double wid
     }
 }
 
+/* Narrow along the yarns, broad across them; one or the other on the face; and no preference. */
+static const struct { double width_deg[4], warp_share; } starts[] = {
+    {{8, 30, 20, 45}, 0.8},
+    {{20, 45, 8, 30}, 0.2},
+    {{8, 30, 40, 80}, 0.95},
+    {{40, 80, 8, 30}, 0.05},
+    {{20, 40, 20, 40}, 0.5},
+};
+
 static tsuya_status prepare(problem *p, tsuya_sheen *sheen, const tsuya_fit_data *data, const tsuya_sheen_guide_options *options)
 {
     tsuya_status status = TSUYA_OK;
@@ -455,53 +464,50 @@ static tsuya_status prepare(problem *p, tsuya_sheen *sheen, const tsuya_fit_data
     TSUYA_NEW(status, p->trial, n * n);
     TSUYA_NEW(status, p->gradient, n);
     TSUYA_NEW(status, p->step, n);
-    TSUYA_NEW(status, p->saved, 2 * n);
+    TSUYA_NEW(status, p->saved, (2 + sizeof starts / sizeof starts[0]) * n);
 done:
     return status;
 }
 
-/* Narrow along the yarns, broad across them; one or the other on the face; and no preference. */
-static const struct { double width_deg[4], warp_share; } starts[] = {
-    {{8, 30, 20, 45}, 0.8},
-    {{20, 45, 8, 30}, 0.2},
-    {{8, 30, 40, 80}, 0.95},
-    {{40, 80, 8, 30}, 0.05},
-    {{20, 40, 20, 40}, 0.5},
-};
 
-tsuya_status tsuya_sheen_fit_guide(tsuya_sheen *sheen, double *error, const tsuya_fit_data *data, const tsuya_sheen_guide_options *options,
-                                   const tsuya_sheen *start)
+/* A short descent from every start, then the whole procedure from the better half. */
+static void search(problem *p, double *kept)
+{
+    enum { STARTS = sizeof starts / sizeof starts[0], FOLLOWED = 2, SHORT = 25 };
+    double objective[STARTS], best = INFINITY, *point[STARTS], *winner = kept + (size_t)STARTS * (size_t)p->unknowns;
+    for (int k = 0; k < STARTS; ++k) {
+        point[k] = kept + (size_t)k * (size_t)p->unknowns;
+        start_from(p->sheen, p->data, starts[k].width_deg, starts[k].warp_share);
+        objective[k] = iterate(p, SHORT);
+        store(point[k], p);
+    }
+    for (int turn = 0; turn < FOLLOWED; ++turn) {
+        int lowest = 0;
+        for (int k = 1; k < STARTS; ++k) {
+            lowest = objective[k] < objective[lowest] ? k : lowest;
+        }
+        objective[lowest] = INFINITY;
+        restore(p, point[lowest]);
+        p->smooth[0] = p->smooth[2] = p->options->smooth_along;
+        double reached = iterate(p, p->options->iterations);
+        for (int round = 0; round < p->options->rounds; ++round) {
+            update_smoothing(p);
+            reached = iterate(p, p->options->iterations);
+        }
+        if (reached < best) {
+            best = reached;
+            store(winner, p);
+        }
+    }
+    restore(p, winner);
+}
+
+tsuya_status tsuya_sheen_fit_guide(tsuya_sheen *sheen, double *error, const tsuya_fit_data *data, const tsuya_sheen_guide_options *options)
 {
     problem p;
     tsuya_status status = prepare(&p, sheen, data, options);
-    size_t n = (size_t)p.unknowns;
-    if (status == TSUYA_OK && start) {
-        for (int k = 0; k < TSUYA_SHEEN_CURVES; ++k) {
-            memcpy(sheen->curve[k], start->curve[k], (size_t)p.curve_size * sizeof(double));
-        }
-        memcpy(sheen->strength[0], start->strength[0], (size_t)data->channels * sizeof(double));
-        memcpy(sheen->strength[1], start->strength[1], (size_t)data->channels * sizeof(double));
-        memcpy(sheen->matte, start->matte, (size_t)data->channels * sizeof(double));
-        iterate(&p, options->iterations);
-    } else if (status == TSUYA_OK) {
-        double best = INFINITY;
-        for (size_t k = 0; k < sizeof starts / sizeof starts[0]; ++k) {
-            start_from(sheen, data, starts[k].width_deg, starts[k].warp_share);
-            p.smooth[0] = p.smooth[2] = options->smooth_along;
-            p.smooth[1] = p.smooth[3] = options->smooth_across;
-            double objective = iterate(&p, options->iterations);
-            for (int round = 0; round < options->rounds; ++round) {
-                update_smoothing(&p);
-                objective = iterate(&p, options->iterations);
-            }
-            if (objective < best) {
-                best = objective;
-                store(p.saved + n, &p);
-            }
-        }
-        restore(&p, p.saved + n);
-    }
     if (status == TSUYA_OK) {
+        search(&p, p.saved + p.unknowns);
         *error = sqrt(data_term(&p));
     }
     tsuya_free(p.matrix);

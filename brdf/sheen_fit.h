@@ -31,9 +31,9 @@ typedef struct tsuya_sheen_surface_options {
 } tsuya_sheen_surface_options;
 tsuya_sheen_surface_options tsuya_sheen_surface_options_default(void);
 
-/* The two yarns to `data`, Levenberg–Marquardt on differences of ∛(f cosθi); from the best of several starts when `start` is NULL. */
+/* The two yarns to `data`, Levenberg–Marquardt on differences of ∛(f cosθi); from the best of several starts. */
 TSUYA_MUST_CHECK tsuya_status tsuya_sheen_fit_guide(tsuya_sheen *sheen, double *error, const tsuya_fit_data *data,
-                                                    const tsuya_sheen_guide_options *options, const tsuya_sheen *start);
+                                                    const tsuya_sheen_guide_options *options);
 /* S over a fitted guide: penalised linear least squares of the logarithm of what is left, weighted as ∛ would. */
 TSUYA_MUST_CHECK tsuya_status tsuya_sheen_fit_surface(tsuya_sheen *sheen, double *reciprocal_condition, const tsuya_fit_data *data,
                                                       const tsuya_sheen_surface_options *options);

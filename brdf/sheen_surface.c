@@ -187,7 +187,7 @@ tsuya_status tsuya_sheen_fit_surface(tsuya_sheen *sheen, double *reciprocal_cond
             for (int i = 0; i < s.ties[k].count; ++i) {
                 sum += s.ties[k].weight[i] * s.right[s.ties[k].index[i]];
             }
-            sheen->net[k * data->channels + c] = sum;
+            sheen->net[(size_t)k * (size_t)sheen->line + (size_t)c] = (float)sum;
         }
     }
 done:

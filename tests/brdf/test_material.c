@@ -2,6 +2,8 @@
  * at every angle; and materials that survive their JSON while hostile JSON does not get in. */
 #include "brdf/material.h"
 
+#include "brdf/fit.h"
+#include "capture/microcylinder.h"
 #include "core/context.h"
 #include "core/memory.h"
 
@@ -16,7 +18,7 @@
 
 #include <cmocka.h>
 
-enum { MATERIALS = 6 };
+enum { MATERIALS = 11, FITTED = 6 };
 static tsuya_material *material[MATERIALS];
 
 static tsuya_vec3 direction(double theta_deg, double phi_deg)
@@ -32,6 +34,40 @@ static tsuya_vec3 random_direction(uint64_t stream, uint64_t k)
     return (tsuya_vec3){r * cos(phi), r * sin(phi), z};
 }
 
+/* A satin of the tests' own: bright ridges along the warp, a dull weft. */
+static const tsuya_microcylinder cloth = {
+    .warp = {1.5, {0.05, 0.02, 0.01}, 0.1, 4.0, 8.0, 0.8, 4, {-25, -10, 10, 25}, {1, 2, 1}},
+    .weft = {1.5, {0.2, 0.1, 0.05}, 0.5, 20.0, 40.0, 0.2, 2, {0, 0}, {1}},
+};
+
+static bool fit_materials(void)
+{
+    static const char *const names[] = {"ward", "ashikhmin", "yarn", "ndf", "nurbs3"};
+    const double light[] = {30, 30, 60}, view[] = {30, 60, 10};
+    tsuya_samples s;
+    tsuya_context context = tsuya_context_default();
+    bool ok = tsuya_samples_create(&s, 4 * 3 * 33, 3, NULL) == TSUYA_OK;
+    s.count = 0;
+    for (int k = 0; ok && k < 4 * 3 * 33; ++k) {
+        int bench = k / 33 % 3;
+        double azimuth = 45.0 * (k / 99), tilt = 3.0 * (k % 33 - 16);
+        tsuya_vec3 wi = tsuya_goniometer_direction(light[bench], 0, azimuth, tilt), wo = tsuya_goniometer_direction(view[bench], 180, azimuth, tilt);
+        if (wi.z > 0.17 && wo.z > 0.17) {
+            s.wi[s.count] = wi;
+            s.wo[s.count] = wo;
+            tsuya_microcylinder_eval_reciprocal(&cloth, wi, wo, s.value + 3 * s.count++);
+        }
+    }
+    for (int m = 0; ok && m < 5; ++m) {
+        tsuya_fit_info info;
+        const tsuya_fit_options options = {names[m], names[m], NAN};
+        ok = tsuya_brdf_fit(&material[FITTED + m], &info, NULL, NULL, &s, &options, &context) == TSUYA_OK;
+        print_message("%-10s fit %.4f, held out %.4f, %.1f ns, %zu bytes\n", info.model, info.fit.cbrt, info.heldout.cbrt, info.eval_ns, info.bytes);
+    }
+    tsuya_samples_free(&s);
+    return ok;
+}
+
 static int set_up(void **state)
 {
     (void)state;
@@ -41,7 +77,7 @@ static int set_up(void **state)
               tsuya_material_ggx(&material[2], 0.5, 0.5, plain, 1.55, white) == TSUYA_OK &&
               tsuya_material_ggx(&material[3], 0.1, 0.4, gold, 1.5, red) == TSUYA_OK &&
               tsuya_material_ggx(&material[4], 0.05, 0.02, plain, 1.5, black) == TSUYA_OK &&
-              tsuya_material_ggx(&material[5], 1.0, 0.08, plain, 1.8, white) == TSUYA_OK;
+              tsuya_material_ggx(&material[5], 1.0, 0.08, plain, 1.8, white) == TSUYA_OK && fit_materials();
     return ok ? 0 : -1;
 }
 
@@ -101,8 +137,9 @@ static void test_white_furnace(void **state)
                 furnace(material[m], wo, albedo);
                 tsuya_material_albedo(material[m], NULL, wo, tabulated);
                 for (int c = 0; c < 3; ++c) {
-                    assert_true(albedo[c] <= 1.0 + 1e-3);
-                    assert_true(fabs(albedo[c] - tabulated[c]) < 4e-3);
+                    if (!(albedo[c] <= 1.0 + 1e-3) || !(fabs(albedo[c] - tabulated[c]) < 4e-3)) {
+                        fail_msg("material %d, wo at %g, %d: albedo %g, tabulated %g", m, theta[k], 30 * phi, albedo[c], tabulated[c]);
+                    }
                     assert_true(m != 0 || albedo[c] >= 1.0 - 2e-3);
                 }
             }
@@ -172,7 +209,7 @@ static void test_sampling_follows_pdf(void **state)
 {
     (void)state;
     static double seen[CELLS], expected[CELLS];
-    const int which[] = {0, 1, 2, 3, 5}; /* the sharp lobe of 4 needs finer cells than any quadrature here */
+    const int which[] = {0, 1, 2, 3, 5, 6, 7, 8, 9, 10}; /* the sharp lobe of 4 needs finer cells than any quadrature here */
     const double theta[] = {0.0, 35.0, 70.0, 85.0};
     for (size_t m = 0; m < sizeof which / sizeof which[0]; ++m) {
         for (size_t k = 0; k < sizeof theta / sizeof theta[0]; ++k) {
@@ -181,7 +218,7 @@ static void test_sampling_follows_pdf(void **state)
             expected_draws(material[which[m]], wo, expected);
             count_draws(material[which[m]], wo, 10 * m + k, seen);
             double chi2 = chi_square(seen, expected, &freedom), z = chi_square_z(chi2, freedom);
-            if (!(z < 3.29)) { /* 1 % over twenty tests (Šidák): one-sided 5e-4 */
+            if (!(z < 3.48)) { /* 1 % over forty tests (Šidák): one-sided 2.5e-4 */
                 fail_msg("material %d, wo at %g degrees: chi-square z %.2f with %d degrees of freedom", which[m], theta[k], z, freedom);
             }
         }
@@ -214,7 +251,9 @@ static void test_batch_like_double(void **state)
             tsuya_material_eval(material[m], NULL, wi, wo, f);
             for (int c = 0; c < 3; ++c) {
                 peak = fmax(peak, f[c]);
-                assert_true(fabs(value[c * COUNT + k] - f[c]) <= 1e-4 * fmax(f[c], 1e-3 * peak));
+                if (!(fabs(value[c * COUNT + k] - f[c]) <= 1e-4 * fmax(f[c], 1e-3 * peak))) {
+                    fail_msg("material %d: float %.9g, double %.9g", m, (double)value[c * COUNT + k], f[c]);
+                }
             }
         }
     }
@@ -326,7 +365,7 @@ static void test_json_round_trip(void **state)
         assert_string_equal(a.name, b.name);
         assert_string_equal(a.model, b.model);
         assert_int_equal(a.is_default, b.is_default);
-        assert_true(isnan(b.heldout_cbrt) && a.bytes == b.bytes && a.bytes <= 65536);
+        assert_true(isnan(b.heldout_cbrt) == (m < FITTED) && a.bytes == b.bytes && a.bytes <= 65536);
         for (uint64_t k = 0; k < 200; ++k) {
             double f[3], g[3];
             tsuya_material_eval(material[m], NULL, random_direction(8, k), random_direction(9, k), f);

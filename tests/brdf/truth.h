@@ -5,6 +5,8 @@
 #include "brdf/samples.h"
 #include "capture/microcylinder.h"
 
+#include <stdint.h>
+
 typedef struct truth_bench {
     double light_deg, view_deg; /* polar angles, the light at azimuth 0, the camera at 180° */
     const double *azimuth_deg;

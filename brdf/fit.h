@@ -1,0 +1,44 @@
+/* Fitting materials to samples. */
+#ifndef TSUYA_BRDF_FIT_H
+#define TSUYA_BRDF_FIT_H
+
+#include "brdf/material.h"
+#include "brdf/samples.h"
+#include "core/context.h"
+
+enum { TSUYA_FIT_MODELS = 9 };
+
+typedef struct tsuya_fit_options {
+    const char *name;  /* of the material */
+    const char *model; /* a model's name, or "auto" */
+    double tolerance;  /* auto: the cheapest model whose held-out e_cbrt is at most this; NaN: the one with the lowest
+                       * product of its held-out errors, tilts counted twice */
+} tsuya_fit_options;
+
+typedef struct tsuya_fit_info {
+    const char *model; /* static string */
+    int samples;
+    tsuya_brdf_error fit, heldout;             /* heldout: what the two below predicted, pooled */
+    tsuya_brdf_error heldout_tilts, heldout_azimuth; /* NaN where the samples have too few to leave some out */
+    double eval_ns; /* a direction, batched, all channels */
+    size_t bytes;
+    double seconds, reciprocal_condition; /* NaN where no linear system was solved */
+} tsuya_fit_info;
+
+/* Fits one model to all samples; its held-out errors come from fits to a part of them (every fifth tilt, a ring of half vectors,
+ * left out; one azimuth left out).  `candidates` (may be NULL, else TSUYA_FIT_MODELS entries)
+ * receives every model that was tried and `candidate_count` their number.  Deterministic for any number of threads.  Fails on an
+ * unknown model (naming the nearest), on fewer than 8 samples, and on samples without a single positive value. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_brdf_fit(tsuya_material **material, tsuya_fit_info *info, tsuya_fit_info *candidates,
+                                                       int *candidate_count, const tsuya_samples *samples,
+                                                       const tsuya_fit_options *options, const tsuya_context *context);
+
+/* Predictions of a material for the samples' directions, count × channel_count. */
+TSUYA_API void tsuya_material_predict(double *predicted, const tsuya_material *material, const tsuya_samples *samples);
+/* Nanoseconds a direction of batched evaluation, the best of several runs. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_material_time(double *ns, const tsuya_material *material);
+
+/* Names that --model takes, NULL-terminated: "auto", then every model in the order of its cost. */
+TSUYA_API const char *const *tsuya_fit_model_names(void);
+
+#endif

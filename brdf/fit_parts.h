@@ -1,0 +1,16 @@
+/* What is left out of a table to see how well a fit predicts it. */
+#ifndef TSUYA_BRDF_FIT_PARTS_H
+#define TSUYA_BRDF_FIT_PARTS_H
+
+#include "brdf/samples.h"
+
+enum { TSUYA_FIT_PARTS = 2 };
+typedef enum tsuya_fit_part_kind {
+    TSUYA_FIT_TILTS,   /* every fifth tilt: ring of half vectors */
+    TSUYA_FIT_AZIMUTH, /* the last azimuth of three or more */
+} tsuya_fit_part_kind;
+
+/* Marks the rows; count 0 where the table has too few groups. */
+TSUYA_MUST_CHECK tsuya_status tsuya_fit_part(unsigned char *mask, int *count, const tsuya_samples *samples, tsuya_fit_part_kind kind);
+
+#endif

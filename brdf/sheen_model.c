@@ -1,0 +1,185 @@
+/* yarn, ndf and nurbs3 as models: their JSON, their sampling. */
+#include "brdf/half_table.h"
+#include "brdf/sheen.h"
+
+#include "core/memory.h"
+
+#include <string.h>
+
+enum { SPANS_MAX = 512, SIDE_MAX = 256 };
+static const char *const curve_key[TSUYA_SHEEN_CURVES] = {"warp_along", "warp_across", "weft_along", "weft_across"};
+static const double log_limit = 200.0, strength_limit = 1e30;
+
+/* What a bench at a typical difference angle would see of the facets. */
+static double half_density(const void *user, tsuya_vec3 h)
+{
+    const tsuya_sheen *s = user;
+    tsuya_half_angles a = {.psi_t = atan2(h.x, h.z), .psi_b = atan2(h.y, h.z), .phi_h = atan2(h.y, h.x), .theta_h = acos(fmin(h.z, 1.0)),
+                           .theta_d = M_PI / 6.0, .falloff = 1.0};
+    double value[TSUYA_MATERIAL_MAX_CHANNELS], sum = 0.0, weight[64];
+    int index[64], count = s->nu > 0 ? tsuya_sheen_stencil(index, weight, &a, s->nu, s->nv, s->nd) : 0;
+    tsuya_sheen_guide(value, s, &a);
+    for (int c = 0; c < s->channels; ++c) {
+        double log_value = 0.0;
+        for (int k = 0; k < count; ++k) {
+            log_value += weight[k] * (double)s->net[(size_t)index[k] * (size_t)s->line + (size_t)c];
+        }
+        sum += value[c] * exp(log_value);
+    }
+    return sum;
+}
+
+tsuya_status tsuya_sheen_prepare(tsuya_sheen *s)
+{
+    static const int order[4] = {TSUYA_SHEEN_WARP_ALONG, TSUYA_SHEEN_WEFT_ACROSS, TSUYA_SHEEN_WARP_ACROSS, TSUYA_SHEEN_WEFT_ALONG};
+    for (int k = 0; k < 4; ++k) {
+        for (int i = 0; i < s->spans + 3; ++i) {
+            s->fast_curve[k * (s->spans + 3) + i] = (float)s->curve[order[k]][i];
+        }
+    }
+    tsuya_half_table_free(s->half);
+    return tsuya_half_table_create(&s->half, half_density, s);
+}
+
+static double pdf(const void *state, tsuya_vec3 wi, tsuya_vec3 wo)
+{
+    return tsuya_half_table_pdf(((const tsuya_sheen *)state)->half, wi, wo);
+}
+
+static bool sample(const void *state, tsuya_vec3 wo, const double u[2], tsuya_vec3 *wi)
+{
+    return tsuya_half_table_sample(((const tsuya_sheen *)state)->half, wo, u, wi);
+}
+
+static tsuya_status read_count(int *count, const tsuya_json *object, const char *key, int low, int high)
+{
+    double number;
+    TSUYA_TRY(tsuya_model_read_number(&number, object, key, low, high));
+    *count = (int)number;
+    return number == *count ? TSUYA_OK : tsuya_fail(TSUYA_ERROR_INPUT, "material: %s: %g: expected a whole number", key, number);
+}
+
+static tsuya_status read_sizes(int *nu, int *nv, int *nd, const tsuya_json *surface, bool deep)
+{
+    *nu = *nv = *nd = 0;
+    if (!surface) {
+        return TSUYA_OK;
+    }
+    TSUYA_TRY(read_count(nu, surface, "functions_phi", 4, SIDE_MAX));
+    TSUYA_TRY(read_count(nv, surface, "intervals_theta", 1, SIDE_MAX));
+    return deep ? read_count(nd, surface, "intervals_theta_d", 1, SIDE_MAX) : TSUYA_OK;
+}
+
+static tsuya_status read_net(tsuya_sheen *s, const tsuya_json *surface)
+{
+    int points = tsuya_sheen_net_points(s->nu, s->nv, s->nd), channels = s->channels;
+    if (points == 0) {
+        return TSUYA_OK;
+    }
+    double *net = tsuya_calloc((size_t)points * (size_t)channels, sizeof *net);
+    if (!net) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    tsuya_status status = tsuya_model_read_numbers(net, points * channels, surface, "log_control", -log_limit, log_limit);
+    for (int k = 0; k < points * channels; ++k) {
+        s->net[(size_t)(k / channels) * (size_t)s->line + (size_t)(k % channels)] = (float)net[k];
+    }
+    tsuya_free(net);
+    return status;
+}
+
+static tsuya_status read_all(tsuya_sheen *s, const tsuya_json *parameters)
+{
+    for (int k = 0; k < TSUYA_SHEEN_CURVES; ++k) {
+        TSUYA_TRY(tsuya_model_read_numbers(s->curve[k], s->spans + 3, parameters, curve_key[k], -log_limit, log_limit));
+    }
+    TSUYA_TRY(tsuya_model_read_numbers(&s->slant[0][0], 4, parameters, "slant", -100.0, 100.0));
+    TSUYA_TRY(tsuya_model_read_numbers(s->strength[0], s->channels, parameters, "strength_warp", 0.0, strength_limit));
+    TSUYA_TRY(tsuya_model_read_numbers(s->strength[1], s->channels, parameters, "strength_weft", 0.0, strength_limit));
+    TSUYA_TRY(tsuya_model_read_numbers(s->matte, s->channels, parameters, "matte", 0.0, strength_limit));
+    TSUYA_TRY(read_net(s, tsuya_json_member(parameters, "surface")));
+    return tsuya_sheen_prepare(s);
+}
+
+static tsuya_status read_state(void **state, int channels, const tsuya_json *parameters, bool surface, bool deep)
+{
+    int spans, nu, nv, nd;
+    const tsuya_json *net = surface ? tsuya_json_member(parameters, "surface") : NULL;
+    if (surface && !net) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "material: surface: expected an object");
+    }
+    TSUYA_TRY(read_count(&spans, parameters, "intervals_psi", 4, SPANS_MAX));
+    TSUYA_TRY(read_sizes(&nu, &nv, &nd, net, deep));
+    tsuya_sheen *s;
+    TSUYA_TRY(tsuya_sheen_create(&s, channels, spans, nu, nv, nd));
+    tsuya_status status = read_all(s, parameters);
+    if (status != TSUYA_OK) {
+        tsuya_sheen_free(s);
+        return status;
+    }
+    *state = s;
+    return TSUYA_OK;
+}
+
+static tsuya_status yarn_from_json(void **state, int channels, const tsuya_json *parameters)
+{
+    return read_state(state, channels, parameters, false, false);
+}
+
+static tsuya_status ndf_from_json(void **state, int channels, const tsuya_json *parameters)
+{
+    return read_state(state, channels, parameters, true, false);
+}
+
+static tsuya_status nurbs3_from_json(void **state, int channels, const tsuya_json *parameters)
+{
+    return read_state(state, channels, parameters, true, true);
+}
+
+static void write_surface(const tsuya_sheen *s, tsuya_json *parameters)
+{
+    tsuya_json *surface = tsuya_json_set_object(parameters, "surface");
+    tsuya_json_set_number(surface, "functions_phi", s->nu);
+    tsuya_json_set_number(surface, "intervals_theta", s->nv);
+    if (s->nd > 0) {
+        tsuya_json_set_number(surface, "intervals_theta_d", s->nd);
+    }
+    tsuya_json *net = tsuya_json_set_array(surface, "log_control");
+    for (int k = 0; k < tsuya_sheen_net_points(s->nu, s->nv, s->nd) * s->channels; ++k) {
+        tsuya_json_add_number(net, (double)s->net[(size_t)(k / s->channels) * (size_t)s->line + (size_t)(k % s->channels)]);
+    }
+}
+
+static void to_json(const void *state, int channels, tsuya_json *parameters)
+{
+    const tsuya_sheen *s = state;
+    tsuya_json_set_number(parameters, "degree", 3);
+    tsuya_json_set_number(parameters, "intervals_psi", s->spans);
+    for (int k = 0; k < TSUYA_SHEEN_CURVES; ++k) {
+        tsuya_json_set_numbers(parameters, curve_key[k], s->curve[k], s->spans + 3);
+    }
+    tsuya_json_set_numbers(parameters, "slant", &s->slant[0][0], 4);
+    tsuya_json_set_numbers(parameters, "strength_warp", s->strength[0], channels);
+    tsuya_json_set_numbers(parameters, "strength_weft", s->strength[1], channels);
+    tsuya_json_set_numbers(parameters, "matte", s->matte, channels);
+    if (s->nu > 0) {
+        write_surface(s, parameters);
+    }
+}
+
+static size_t bytes(const void *state)
+{
+    const tsuya_sheen *s = state;
+    size_t curves = 4 * ((size_t)s->spans + 3) * (sizeof(double) + sizeof(float)), channels = (size_t)s->channels * 3 * sizeof(double);
+    size_t net = (size_t)tsuya_sheen_net_points(s->nu, s->nv, s->nd) * (size_t)s->line * sizeof(float);
+    return sizeof *s + curves + channels + net + tsuya_half_table_bytes(s->half);
+}
+
+#define SHEEN_MODEL(model_name, reader)                                                                                  \
+    {                                                                                                                    \
+        .name = model_name, .eval = tsuya_sheen_eval, .eval_batch = tsuya_sheen_eval_batch, .pdf = pdf, .sample = sample, \
+        .from_json = reader, .to_json = to_json, .free_state = tsuya_sheen_free, .bytes = bytes, .unbounded = true,       \
+    }
+const tsuya_brdf_model tsuya_brdf_yarn = SHEEN_MODEL("yarn", yarn_from_json);
+const tsuya_brdf_model tsuya_brdf_ndf = SHEEN_MODEL("ndf", ndf_from_json);
+const tsuya_brdf_model tsuya_brdf_nurbs3 = SHEEN_MODEL("nurbs3", nurbs3_from_json);
