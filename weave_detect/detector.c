@@ -7,7 +7,7 @@
 #include <math.h>
 
 static const double SAME_RAD = 2.0 * M_PI / 180.0, RIGHT_RAD = 2.0 * M_PI / 180.0;
-static const float LONE_LEVEL = 3.5f, NOISE_LEVEL = 2.8f, NONE = 0.5f;
+static const float LONE_LEVEL = 3.5f, NOISE_LEVEL = 2.55f, NONE = 0.5f;
 static const double KIND_MARGIN = 0.25; /* of the level's feature over the next step's, before a kind is named */
 
 struct tsuya_detector {

@@ -294,7 +294,7 @@ static int list_inferred(inferred *list, const tsuya_spectrum *s)
     return count;
 }
 
-__attribute__((target_clones("avx2", "default"), flatten)) void tsuya_bases_list(tsuya_bases *bases, const tsuya_spectrum *s)
+__attribute__((target_clones("avx2", "default"), flatten)) static void list_bases(tsuya_bases *bases, const tsuya_spectrum *s)
 {
     candidate list[CANDIDATES];
     pair kept[PAIRS];
@@ -327,6 +327,8 @@ __attribute__((target_clones("avx2", "default"), flatten)) void tsuya_bases_list
     bases->none_feature[34] = 0.1f * (float)s->peak_count;
 }
 
+void tsuya_bases_list(tsuya_bases *bases, const tsuya_spectrum *spectrum) { list_bases(bases, spectrum); }
+
 /* Eight lanes, so that the order of additions does not depend on the vector width. */
 static inline float score(const float *weight, const float *feature)
 {
@@ -346,16 +348,20 @@ static inline float score(const float *weight, const float *feature)
     return sum;
 }
 
-__attribute__((target_clones("avx2", "default"))) float tsuya_bases_score(const float *weight, const float *feature)
+__attribute__((target_clones("avx2", "default"))) static void score_all(tsuya_bases *bases, const float *weight)
 {
-    return score(weight, feature);
+    for (int k = 0; k < bases->count; k++) {
+        bases->basis[k].score = score(weight, bases->basis[k].feature);
+    }
 }
+
+float tsuya_bases_score(const float *weight, const float *feature) { return score(weight, feature); }
 
 void tsuya_bases_weigh(tsuya_bases *bases)
 {
     float none = tsuya_bases_score(tsuya_lattice_weights, bases->none_feature), highest = none;
+    score_all(bases, tsuya_lattice_weights);
     for (int k = 0; k < bases->count; k++) {
-        bases->basis[k].score = tsuya_bases_score(tsuya_lattice_weights, bases->basis[k].feature);
         highest = high(highest, bases->basis[k].score);
     }
     double sum = exp((double)(none - highest));
