@@ -2,6 +2,7 @@
 #include "support.h"
 
 #include "app/command.h"
+#include "core/image.h"
 #include "core/process.h"
 
 static char *output;
@@ -83,6 +84,33 @@ static void test_failures_are_one_line_and_exit_1(void **state)
     assert_ptr_equal(strchr(output, '\n'), output + strlen(output) - 1);
 }
 
+/* Without colmap the job says so in one line, behind what is done before it. */
+static void test_missing_colmap(void **state)
+{
+    (void)state;
+    assert_ok(tsuya_folder_make(test_path("job/photos")));
+    for (int i = 0; i < 3; i++) {
+        char name[64];
+        tsuya_image image;
+        snprintf(name, sizeof name, "job/photos/IMG_%d.png", i);
+        assert_ok(tsuya_image_create(&image, 64, 48, 3, TSUYA_SAMPLE_U8, TSUYA_ENCODING_SRGB));
+        assert_ok(tsuya_image_save(&image, test_path(name), NULL));
+        tsuya_image_free(&image);
+    }
+    static const char yaml[] = "name: robe\nphotos: photos\n";
+    assert_ok(tsuya_file_write(test_path("job/JOB.yaml"), yaml, sizeof yaml - 1));
+    char command[2 * TEST_PATH];
+    snprintf(command, sizeof command, "PATH=/nonexistent %s run --quiet %s", TSUYA_PROGRAM, test_path("job/JOB.yaml"));
+    const char *argv[] = {"sh", "-c", command, NULL};
+    tsuya_free(output);
+    assert_ok(tsuya_process_capture(&output, &info, argv, NULL));
+    assert_int_equal(info.exit_code, 1);
+    output[strlen(output) - 1] = '\0';
+    char *last = strrchr(output, '\n');
+    last = last ? last + 1 : output;
+    assert_int_equal(strncmp(last, "tsuya: colmap: not found", 24), 0);
+}
+
 static void test_eval_keeps_columns_and_order(void **state)
 {
     (void)state;
@@ -115,6 +143,7 @@ int main(void)
         cmocka_unit_test(test_unknown_words_name_the_nearest),
         cmocka_unit_test(test_later_commands_are_refused_not_faked),
         cmocka_unit_test(test_failures_are_one_line_and_exit_1),
+        cmocka_unit_test(test_missing_colmap),
         cmocka_unit_test(test_eval_keeps_columns_and_order),
     };
     int result = cmocka_run_group_tests(tests, NULL, NULL);

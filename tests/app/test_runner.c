@@ -5,11 +5,13 @@
 
 #include <fcntl.h>
 #include <signal.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 
 /* Each stage appends its letter to what the stage before it wrote; stage calib is not needed. */
 static int runs[TSUYA_STAGE_COUNT];
-static int failing = -1, killed = -1, option;
+static int failing = -1, killed = -1, interrupted = -1, option;
+static useconds_t pause_us; /* of every stage, so that a signal finds it at work */
 static char input_path[TEST_PATH];
 
 static const char *output_of(const tsuya_job *job, int stage)
@@ -37,6 +39,11 @@ static tsuya_status work(const tsuya_stage_run *run, int stage)
     char *text;
     size_t size;
     runs[stage]++;
+    usleep(pause_us);
+    if (stage == interrupted) {
+        tsuya_interrupt();
+        TSUYA_TRY(tsuya_check_interrupt());
+    }
     if (stage == failing) {
         return tsuya_fail(TSUYA_ERROR_IO, "stage %d: no space left on the disk", stage);
     }
@@ -97,7 +104,8 @@ static int begin(void **state)
     assert_ok(tsuya_folder_remove(test_path("job")));
     write_input("x");
     option = 0;
-    failing = killed = -1;
+    failing = killed = interrupted = -1;
+    pause_us = 0;
     context = tsuya_context_default();
     job = (tsuya_job){.name = "job"};
     assert_ok(tsuya_arena_create(&job.arena, 1 << 16));
@@ -182,6 +190,77 @@ static void test_kill_keeps_what_is_finished_and_frees_the_folder(void **state)
     tsuya_free(text);
 }
 
+static void assert_result(const char *expected)
+{
+    char *text;
+    size_t size;
+    assert_ok(tsuya_file_load(&text, &size, output_of(&job, 6), 4096));
+    assert_string_equal(text, expected);
+    tsuya_free(text);
+}
+
+static void test_interruption_keeps_what_is_finished(void **state)
+{
+    (void)state;
+    tsuya_json *result;
+    interrupted = 4;
+    assert_int_equal(run(&result, 0, 6, false), TSUYA_ERROR_INTERRUPTED);
+    tsuya_json_free(result);
+    assert_int_equal(runs[3], 1);
+    assert_int_equal(run(&result, 0, 6, false), TSUYA_ERROR_INTERRUPTED); /* the wish still stands: nothing is begun */
+    tsuya_json_free(result);
+    assert_int_equal(runs[4], 0);
+    tsuya_interrupt_clear();
+    interrupted = -1;
+    run_ok(0, 6, false, "efg");
+    assert_result("xa0c0d0e0f0g0");
+}
+
+/* Killed again and again, wherever it is, the run gets done, and its result is that of one that nobody disturbed. */
+static void test_kills_at_any_moment(void **state)
+{
+    (void)state;
+    tsuya_json *result;
+    for (int round = 0; round < 25; round++) {
+        int status;
+        fflush(NULL);
+        pid_t pid = fork();
+        if (pid == 0) {
+            pause_us = 1500;
+            (void)!run(&result, 0, 6, false);
+            _exit(0);
+        }
+        usleep((useconds_t)(1000 + tsuya_random_u64(1, 1, (uint64_t)round) % 12000));
+        kill(pid, SIGKILL);
+        assert_int_equal(waitpid(pid, &status, 0), pid);
+    }
+    assert_ok(run(&result, 0, 6, false));
+    tsuya_json_free(result);
+    assert_result("xa0c0d0e0f0g0");
+    run_ok(0, 6, false, "");
+}
+
+/* In a child whose files may not grow, as on a full disk: one line that names the file, and a folder that works again. */
+static void test_a_full_disk(void **state)
+{
+    (void)state;
+    int status;
+    tsuya_json *result;
+    run_ok(0, 2, false, "ac");
+    fflush(NULL);
+    pid_t pid = fork();
+    if (pid == 0) {
+        struct rlimit limit = {100, 100};
+        signal(SIGXFSZ, SIG_IGN);
+        setrlimit(RLIMIT_FSIZE, &limit);
+        bool fine = run(&result, 0, 6, false) == TSUYA_ERROR_IO && strstr(tsuya_reason(), "state.json: cannot write");
+        _exit(fine ? 0 : 1);
+    }
+    assert_int_equal(waitpid(pid, &status, 0), pid);
+    assert_int_equal(status, 0);
+    run_ok(0, 6, false, "defg");
+}
+
 static void test_a_second_program_is_refused(void **state)
 {
     (void)state;
@@ -239,6 +318,9 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_dry_run_writes_nothing, begin, end),
         cmocka_unit_test_setup_teardown(test_failure_keeps_what_is_finished, begin, end),
         cmocka_unit_test_setup_teardown(test_kill_keeps_what_is_finished_and_frees_the_folder, begin, end),
+        cmocka_unit_test_setup_teardown(test_interruption_keeps_what_is_finished, begin, end),
+        cmocka_unit_test_setup_teardown(test_kills_at_any_moment, begin, end),
+        cmocka_unit_test_setup_teardown(test_a_full_disk, begin, end),
         cmocka_unit_test_setup_teardown(test_a_second_program_is_refused, begin, end),
         cmocka_unit_test_setup_teardown(test_state_says_what_was_done, begin, end),
     };
