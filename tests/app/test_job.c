@@ -91,7 +91,7 @@ static void test_refusals(void **state)
     refuse("name: robe\nphotos: mixed\n", "IMG_02.jpg");
     refuse("name: robe\nphotos: photos\nrender: [{name: t, views: 0}]\n", "views");
     refuse("name: robe\nphotos: photos\nrender: [{name: t, size: [10]}]\n", "size");
-    refuse("name: robe\nphotos: photos\nrender: [{name: t, color: red}]\n", "color");
+    refuse("name: robe\nphotos: photos\nrender: [{name: t, color: no-such-colour}]\n", "color");
     refuse("name: robe\nphotos: photos\nrender: [{name: t}, {name: t}]\n", "twice");
     refuse("name: robe\nphotos: photos\nrender: [{name: t, like: photos/}]\n", "hold_out");
     refuse("name: robe\nphotos: render/photos\n", "empties");
