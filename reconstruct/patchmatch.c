@@ -97,8 +97,8 @@ static void source_setup(patch_source *out, double *px_per_w, const tsuya_patchm
     tsuya_vec3 p = tsuya_vec3_mad(tsuya_mat3_apply(a, middle), w, b);
     *px_per_w = hypot(b.x - p.x / p.z * b.z, b.y - p.y / p.z * b.z) / fabs(p.z);
 
-    const double one = 1 << PATCH_FRACTION_BITS, pad = TSUYA_STEREO_PAD;
-    tsuya_mat3 fixed = {{{one, 0, one * pad}, {0, one, one * pad}, {0, 0, 1}}};
+    const double pad = TSUYA_STEREO_PAD;
+    tsuya_mat3 fixed = {{{1, 0, pad}, {0, 1, pad}, {0, 0, 1}}};
     matrix_to_float(out->forward, tsuya_mat3_multiply(fixed, a));
     b = tsuya_mat3_apply(fixed, b);
     out->shift[0] = (float)b.x, out->shift[1] = (float)b.y, out->shift[2] = (float)b.z;

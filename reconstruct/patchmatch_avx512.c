@@ -14,6 +14,7 @@
 typedef float vf __attribute__((vector_size(64)));
 typedef int32_t vi __attribute__((vector_size(64)));
 typedef uint32_t vu __attribute__((vector_size(64)));
+typedef int16_t vs __attribute__((vector_size(64)));
 
 INLINE vf lane_sqrt(vf a) { return (vf)_mm512_sqrt_ps((__m512)a); }
 INLINE vf lane_max(vf a, vf b) { return (vf)_mm512_max_ps((__m512)a, (__m512)b); }

@@ -45,12 +45,12 @@ static bool textured(const patch_level *level, int x, int y, const tsuya_patchma
  * reference's pixel and within `max_depth_error` of its depth. */
 static bool agrees(const patch_source *s, float x, float y, float w, const tsuya_patchmatch_options *options)
 {
-    const float one = (float)(1 << PATCH_FRACTION_BITS), pad = (float)TSUYA_STEREO_PAD;
+    const float pad = (float)TSUYA_STEREO_PAD;
     float h[3];
     for (int r = 0; r < 3; r++) {
         h[r] = s->forward[r][0] * x + s->forward[r][1] * y + s->forward[r][2] + s->shift[r] * w;
     }
-    float u = h[0] / h[2] / one - pad, v = h[1] / h[2] / one - pad;
+    float u = h[0] / h[2] - pad, v = h[1] / h[2] - pad;
     if (!(h[2] > 0.0f && u >= 0.0f && v >= 0.0f && u <= (float)(s->width_px - 1) && v <= (float)(s->height_px - 1))) {
         return false;
     }

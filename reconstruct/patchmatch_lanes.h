@@ -22,7 +22,7 @@ typedef struct lane_batch {
     vf weight[PATCH_SAMPLES];  /* bilateral, sum 1 */
     vf ramp[2][PATCH_SAMPLES]; /* weight · orthonormal ramps */
     vf detail[PATCH_SAMPLES];  /* weight · (reference − its mean − its ramp) */
-    vf mean, contrast;         /* of the reference; variance of the detail, in quad units */
+    vf contrast;               /* variance of the detail, in quad units */
     vf base[TSUYA_STEREO_MAX_SOURCES][3]; /* forward·(x, y, 1) */
 } lane_batch;
 
@@ -30,6 +30,7 @@ INLINE vf splat(float a) { return a - (vf){}; }
 INLINE vi splat_int(int32_t a) { return a - (vi){}; }
 INLINE vf select_f(vi mask, vf a, vf b) { return (vf)((mask & (vi)a) | (~mask & (vi)b)); }
 INLINE vf to_float(vi a) { return __builtin_convertvector(a, vf); }
+INLINE vf lane_abs(vf a) { return (vf)((vi)a & 0x7fffffff); }
 INLINE vi to_int(vf a) { return __builtin_convertvector(a, vi); }
 
 /* e^x for x ≤ 0: 2^round · polynomial on [−½, ½] (Cephes' expf coefficients), relative error 2e-7. */
@@ -111,13 +112,13 @@ INLINE void batch_weights(lane_batch *b, const patch_level *level)
         first += b->weight[k] * value[k];
     }
     vf inverse = 1.0f / lane_max(sum, splat(1e-6f));
-    b->mean = first * inverse;
+    vf mean = first * inverse;
     for (int k = 0; k < PATCH_SAMPLES; k++) {
         b->weight[k] = b->weight[k] * inverse;
     }
     batch_ramps(b);
     for (int k = 0; k < PATCH_SAMPLES; k++) {
-        value[k] = value[k] - b->mean;
+        value[k] = value[k] - mean;
         slope[0] += b->ramp[0][k] * value[k];
         slope[1] += b->ramp[1][k] * value[k];
     }
@@ -168,19 +169,17 @@ INLINE lane_warp warp_of(const patch_source *s, const vf base[3], lane_plane p)
  * window is the convex hull of its corners' images as long as these are in front of the camera. */
 INLINE vi warp_inside(const lane_warp *h, const patch_source *s)
 {
-    const float one = (float)(1 << PATCH_FRACTION_BITS), pad = (float)TSUYA_STEREO_PAD;
+    const float pad = (float)TSUYA_STEREO_PAD;
     vf z = h->at[2];
-    vi inside = (z > 0.0f) & (h->at[0] >= (pad - 0.5f) * one * z) & (h->at[1] >= (pad - 0.5f) * one * z) &
-                (h->at[0] <= ((float)s->width_px + pad - 0.5f) * one * z) &
-                (h->at[1] <= ((float)s->height_px + pad - 0.5f) * one * z);
-    const float right = ((float)s->width_px + 2.0f * pad - 2.0f) * one;
-    const float bottom = ((float)s->height_px + 2.0f * pad - 2.0f) * one;
+    vi inside = (z > 0.0f) & (h->at[0] >= (pad - 0.5f) * z) & (h->at[1] >= (pad - 0.5f) * z) &
+                (h->at[0] <= ((float)s->width_px + pad - 0.5f) * z) & (h->at[1] <= ((float)s->height_px + pad - 0.5f) * z);
+    const float right = (float)s->width_px + 2.0f * pad - 2.0f, bottom = (float)s->height_px + 2.0f * pad - 2.0f;
     for (int corner = 0; corner < 4; corner++) {
         const float cx = corner & 1 ? PATCH_RADIUS : -PATCH_RADIUS, cy = corner & 2 ? PATCH_RADIUS : -PATCH_RADIUS;
         vf cz = z + cx * h->dx[2] + cy * h->dy[2];
         vf u = h->at[0] + cx * h->dx[0] + cy * h->dy[0];
         vf v = h->at[1] + cx * h->dx[1] + cy * h->dy[1];
-        inside &= (cz > 0.0f) & (u >= one * cz) & (v >= one * cz) & (u <= right * cz) & (v <= bottom * cz);
+        inside &= (cz > 0.0f) & (u >= cz) & (v >= cz) & (u <= right * cz) & (v <= bottom * cz);
     }
     return inside;
 }
@@ -194,18 +193,89 @@ INLINE bool none(vi mask)
     return any == 0;
 }
 
-/* Bilinear sample of the quads at fixed-point (u, v): horizontally by the 16-bit dot product, vertically in float. */
-INLINE vf sample_quads(const uint64_t *quad, int stride, vf u, vf v)
+/* A source coordinate over the window to second order: with N/D and D = z (1 + α·dx + β·dy), the quotient's derivatives are
+ * q_x = N_x/z − q α, q_xx = −2 α q_x, q_xy = −(α q_y + β q_x), q_yy = −2 β q_y.  α and β are about the surface's slope over
+ * the focal length in pixels.  What is left out is at most |q_x dx + q_y dy| ε²/(1 − ε), ε = |α dx| + |β dy|. */
+typedef struct lane_curve { vf at, x, y, xx, xy, yy; } lane_curve; /* xx and yy: half the second derivative */
+
+/* `sound` loses the lanes where the window is too large for 16 bits or more than half a pixel is left out. */
+INLINE lane_curve curve_of(const lane_warp *h, int r, vi *sound)
 {
-    const int32_t low = (1 << PATCH_FRACTION_BITS) - 1;
-    vi ui = to_int(u), vi_ = to_int(v);
+    vf inverse = 1.0f / select_f(*sound, h->at[2], splat(1.0f));
+    vf alpha = h->dx[2] * inverse, beta = h->dy[2] * inverse;
+    lane_curve c;
+    c.at = h->at[r] * inverse;
+    c.x = h->dx[r] * inverse - c.at * alpha;
+    c.y = h->dy[r] * inverse - c.at * beta;
+    c.xx = -alpha * c.x;
+    c.yy = -beta * c.y;
+    c.xy = -(alpha * c.y + beta * c.x);
+    vf reach = PATCH_RADIUS * (lane_abs(c.x) + lane_abs(c.y)), bend = PATCH_RADIUS * (lane_abs(alpha) + lane_abs(beta));
+    *sound &= (reach <= 28.0f) & (bend <= 0.5f) & (reach * bend * bend <= 0.25f);
+    return c;
+}
+
+/* Two numbers of −32 … 32 as 6.10-bit fixed point in the halves of a lane; `low` and `high` come with PACK_BIAS added, which
+ * makes rounding out of truncation and goes with the bits above the sixteenth. */
+#define PACK_BIAS 65536.5f
+INLINE vi pack(vf low, vf high) { return (to_int(low) & 0xffff) | (to_int(high) << 16); }
+INLINE vi add_halves(vi a, vi b) { return (vi)((vs)a + (vs)b); }
+
+/* Forward differences of both coordinates over the window; whole pixels of the centre are in `base`. */
+typedef struct lane_walk {
+    vi base, bend;
+    vf at[2], step[2];                /* of the row to come, with the bias */
+    vf at_step[2], at_bend[2], cross[2];
+} lane_walk;
+
+INLINE lane_walk walk_begin(const lane_curve c[2], vi sound, int stride)
+{
+    const float one = (float)(1 << PATCH_FRACTION_BITS), r = -PATCH_RADIUS, d = PATCH_STEP;
+    lane_walk w;
+    vf bend[2];
+    vi whole[2];
+    for (int k = 0; k < 2; k++) {
+        whole[k] = to_int(select_f(sound, c[k].at, splat((float)TSUYA_STEREO_PAD)));
+        vf at = c[k].at - to_float(whole[k]);
+        w.at[k] = (at + r * (c[k].x + c[k].y) + r * r * (c[k].xx + c[k].xy + c[k].yy)) * one;
+        w.step[k] = (d * c[k].x + (2.0f * r * d + d * d) * c[k].xx + r * d * c[k].xy) * one;
+        w.at_step[k] = (d * c[k].y + (2.0f * r * d + d * d) * c[k].yy + r * d * c[k].xy) * one;
+        w.at_bend[k] = 2.0f * d * d * one * c[k].yy;
+        w.cross[k] = d * d * one * c[k].xy;
+        bend[k] = select_f(sound, 2.0f * d * d * one * c[k].xx, (vf){}) + PACK_BIAS;
+        w.at[k] = select_f(sound, w.at[k], (vf){}) + PACK_BIAS;
+        w.step[k] = select_f(sound, w.step[k], (vf){}) + PACK_BIAS;
+        w.at_step[k] = select_f(sound, w.at_step[k], (vf){});
+        w.at_bend[k] = select_f(sound, w.at_bend[k], (vf){});
+        w.cross[k] = select_f(sound, w.cross[k], (vf){});
+    }
+    w.base = whole[1] * stride + whole[0];
+    w.bend = pack(bend[0], bend[1]);
+    return w;
+}
+
+INLINE void walk_row(lane_walk *w, vi *at, vi *step)
+{
+    *at = pack(w->at[0], w->at[1]);
+    *step = pack(w->step[0], w->step[1]);
+    for (int k = 0; k < 2; k++) {
+        w->at[k] += w->at_step[k];
+        w->at_step[k] += w->at_bend[k];
+        w->step[k] += w->cross[k];
+    }
+}
+
+/* Bilinear sample of the quads, times 2^PATCH_FRACTION_BITS: horizontally by the 16-bit dot product, vertically in float. */
+INLINE vf sample_quads(const uint64_t *quad, vi base, vi stride_and_one, vi at)
+{
+    const int32_t one = 1 << PATCH_FRACTION_BITS;
     vi top, bottom;
-    lane_quads(&top, &bottom, quad, (vi_ >> PATCH_FRACTION_BITS) * stride + (ui >> PATCH_FRACTION_BITS));
-    vi fx = ui & low;
-    vi across = (fx << 16) - fx + (low + 1); /* (2^14 − f) | f << 16 */
+    lane_quads(&top, &bottom, quad, base + lane_madd16((vi)((vs)at >> PATCH_FRACTION_BITS), stride_and_one));
+    vi fx = at & (one - 1);
+    vi across = (fx << 16) - fx + one; /* (one − f) | f << 16 */
     vf t = to_float(lane_madd16(top, across));
-    vf d = to_float(lane_madd16(bottom, across)) - t;
-    return (t + d * (to_float(vi_ & low) * (1.0f / (float)(low + 1)))) * (1.0f / (float)(low + 1));
+    vf down = to_float(at & ((one - 1) << 16)) * (0x1p-16f / (float)one);
+    return t + (to_float(lane_madd16(bottom, across)) - t) * down;
 }
 
 /* 1 − bilaterally weighted NCC of the reference window and its image in source `s` under the plane, of what linear ramps
@@ -213,40 +283,35 @@ INLINE vf sample_quads(const uint64_t *quad, int stride, vf u, vf v)
  * move with the view: without them a window must show texture to correlate. */
 INLINE vf ncc_cost(const lane_batch *b, const patch_source *s, const vf base[3], lane_plane p, vi *seen)
 {
+    const float unit = (float)(1 << PATCH_FRACTION_BITS);
     lane_warp h = warp_of(s, base, p);
     vi inside = warp_inside(&h, s);
+    lane_curve curve[2] = {curve_of(&h, 0, &inside), curve_of(&h, 1, &inside)};
     *seen = inside;
     if (none(inside)) {
         return splat(PATCH_COST_UNSEEN);
     }
-    const float safe = (float)((TSUYA_STEREO_PAD + 1) << PATCH_FRACTION_BITS);
-    for (int r = 0; r < 3; r++) {
-        h.at[r] = select_f(inside, h.at[r], splat(r < 2 ? safe : 1.0f));
-        h.dx[r] = select_f(inside, h.dx[r], (vf){});
-        h.dy[r] = select_f(inside, h.dy[r], (vf){});
-    }
+    lane_walk walk = walk_begin(curve, inside, s->stride);
+    vi stride_and_one = splat_int(1 | s->stride << 16);
     vf first = {}, second = {}, mixed = {}, slope_x = {}, slope_y = {};
-    const float step = PATCH_STEP;
-    vf u_row = h.at[0] - PATCH_RADIUS * (h.dx[0] + h.dy[0]);
-    vf v_row = h.at[1] - PATCH_RADIUS * (h.dx[1] + h.dy[1]);
-    vf z_row = h.at[2] - PATCH_RADIUS * (h.dx[2] + h.dy[2]);
     for (int j = 0; j < PATCH_SIDE; j++) {
-        vf u = u_row, v = v_row, z = z_row;
+        vi at, step;
+        walk_row(&walk, &at, &step);
         for (int i = 0; i < PATCH_SIDE; i++) {
             int k = j * PATCH_SIDE + i;
-            vf inverse = 1.0f / z;
-            vf value = sample_quads(s->quad, s->stride, u * inverse, v * inverse) - b->mean;
+            vf value = sample_quads(s->quad, walk.base, stride_and_one, at);
             vf weighted = b->weight[k] * value;
             first += weighted;
             second += weighted * value;
             mixed += b->detail[k] * value;
             slope_x += b->ramp[0][k] * value;
             slope_y += b->ramp[1][k] * value;
-            u += step * h.dx[0], v += step * h.dx[1], z += step * h.dx[2];
+            at = add_halves(at, step);
+            step = add_halves(step, walk.bend);
         }
-        u_row += step * h.dy[0], v_row += step * h.dy[1], z_row += step * h.dy[2];
     }
-    vf variance = lane_max(second - first * first - slope_x * slope_x - slope_y * slope_y, (vf){}) + NOISE_VARIANCE;
+    const float noise = NOISE_VARIANCE * unit * unit;
+    vf variance = lane_max(second - first * first - slope_x * slope_x - slope_y * slope_y, (vf){}) + noise;
     vf correlation = mixed / lane_sqrt(variance * (b->contrast + NOISE_VARIANCE));
     return select_f(inside, 1.0f - correlation, splat(PATCH_COST_UNSEEN));
 }
@@ -257,8 +322,8 @@ INLINE vf geometric_error(const lane_batch *b, const patch_source *s, const vf b
 {
     const float most = 3.0f;
     vf z = base[2] + s->shift[2] * p.w;
-    vf u = (base[0] + s->shift[0] * p.w) / z * (1.0f / (float)(1 << PATCH_FRACTION_BITS)) - (float)TSUYA_STEREO_PAD;
-    vf v = (base[1] + s->shift[1] * p.w) / z * (1.0f / (float)(1 << PATCH_FRACTION_BITS)) - (float)TSUYA_STEREO_PAD;
+    vf u = (base[0] + s->shift[0] * p.w) / z - (float)TSUYA_STEREO_PAD;
+    vf v = (base[1] + s->shift[1] * p.w) / z - (float)TSUYA_STEREO_PAD;
     vi inside = (z > 0.0f) & (u >= 0.0f) & (v >= 0.0f) & (u <= (float)(s->width_px - 1)) &
                 (v <= (float)(s->height_px - 1));
     vi column = to_int(select_f(inside, u, (vf){}) + 0.5f), row = to_int(select_f(inside, v, (vf){}) + 0.5f);

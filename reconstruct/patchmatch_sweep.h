@@ -9,7 +9,7 @@ enum {
     PATCH_STEP = 2,
     PATCH_SIDE = 6, /* samples at −5, −3 … 5 */
     PATCH_SAMPLES = PATCH_SIDE * PATCH_SIDE,
-    PATCH_FRACTION_BITS = 14, /* of a source pixel, in the fixed-point bilinear sample */
+    PATCH_FRACTION_BITS = 10, /* of a source pixel, in the fixed-point bilinear sample */
 };
 
 /* Costs are 1 − NCC: 0 … 2.  A window that a source does not see costs PATCH_COST_UNSEEN there. */
@@ -24,8 +24,8 @@ enum {
 typedef struct patch_source {
     const uint64_t *quad;
     int stride, width_px, height_px;
-    /* Homogeneous source pixel of (x, y) at inverse depth w: forward·(x, y, 1) + shift·w. Rows 0 and 1 carry the padding
-     * and the fixed point: their quotient with row 2 is 2^14 (pixel + PAD). */
+    /* Homogeneous source pixel of (x, y) at inverse depth w: forward·(x, y, 1) + shift·w. Rows 0 and 1 carry the padding:
+     * their quotient with row 2 is pixel + PAD. */
     float forward[3][3], shift[3];
     const float *depth;              /* NULL: no geometric term */
     float back[3][3], back_shift[3]; /* reference pixel of (x z, y z, z) in the source */
