@@ -28,6 +28,15 @@ void scene_stereo_free(scene_stereo *s)
     }
 }
 
+double scene_stereo_seconds(const scene_stereo *s, bool cpu)
+{
+    double sum = 0.0;
+    for (int pass = 0; pass < 2; pass++) {
+        sum += s->megapixels[pass] > 0.0 ? (cpu ? s->cpu_seconds : s->seconds)[pass] / s->megapixels[pass] : 0.0;
+    }
+    return sum;
+}
+
 static double cpu_s(void)
 {
     struct timespec t;
@@ -61,8 +70,11 @@ static tsuya_status solve(tsuya_depth_map *map, scene_stereo *s, int view, bool 
     };
     double began = tsuya_clock_s(), cpu = cpu_s();
     tsuya_status status = tsuya_patchmatch(map, &problem, options, context);
-    s->seconds += tsuya_clock_s() - began;
-    s->cpu_seconds += cpu_s() - cpu;
+    s->seconds[geometric] += tsuya_clock_s() - began;
+    s->cpu_seconds[geometric] += cpu_s() - cpu;
+    for (size_t i = 0; i < pixels; i++) {
+        s->megapixels[geometric] += masked && !mask[i] ? 0.0 : 1e-6;
+    }
     tsuya_free(mask);
     return status;
 }

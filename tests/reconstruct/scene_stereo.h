@@ -13,9 +13,12 @@ typedef struct scene_stereo {
     const scene_pictures *scene;
     tsuya_stereo_image image[SCENE_MOST_VIEWS];
     tsuya_depth_map photometric[SCENE_MOST_VIEWS];
-    double seconds, cpu_seconds; /* of all solves so far */
-    double pixels;               /* of all solves so far, photometric plus geometric counted once a view */
+    /* Of the solves so far, photometric [0] and geometric [1]. */
+    double seconds[2], cpu_seconds[2], megapixels[2];
 } scene_stereo;
+
+/* Both passes together, a megapixel; `cpu`: processor time instead of time. */
+double scene_stereo_seconds(const scene_stereo *s, bool cpu);
 
 bool scene_stereo_create(scene_stereo *s, const scene_pictures *scene, int levels);
 void scene_stereo_free(scene_stereo *s);
