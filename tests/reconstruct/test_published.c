@@ -1,5 +1,6 @@
 /* Real photographs with published cameras, from photographs to mesh: the dinosaur of Middlebury's sparse ring (Seitz, Curless,
- * Diebel, Scharstein, Szeliski, CVPR 2006).  The truth is its outline in the photographs and its published box. */
+ * Diebel, Scharstein, Szeliski, CVPR 2006).  Held against its outline in the photographs and its published box.  The outlines
+ * are given as masks, too: they keep what is outside out, but what fills them has to come from stereo. */
 #include "support.h"
 
 #include "core/image.h"
@@ -47,6 +48,25 @@ static void outline(uint8_t *mask, const char *photo)
     }
     grow(mask, 10, 255);
     grow(mask, 7, 0);
+    tsuya_image_free(&image);
+}
+
+static void write_masks(const tsuya_sparse_model *model)
+{
+    static uint8_t mask[WIDTH * HEIGHT];
+    char path[TEST_PATH];
+    tsuya_image image;
+    assert_ok(tsuya_folder_make(test_path("dino/masks")));
+    assert_ok(tsuya_image_create(&image, WIDTH, HEIGHT, 1, TSUYA_SAMPLE_U8, TSUYA_ENCODING_DATA));
+    for (int v = 0; v < model->view_count; v++) {
+        snprintf(path, sizeof path, "%s/%s", FOLDER, model->view[v].name);
+        outline(mask, test_data(path));
+        for (int i = 0; i < WIDTH * HEIGHT; i++) {
+            *tsuya_image_u8(&image, i % WIDTH, i / WIDTH) = mask[i];
+        }
+        snprintf(path, sizeof path, "dino/masks/%s", model->view[v].name);
+        assert_ok(tsuya_image_save(&image, test_path(path), NULL));
+    }
     tsuya_image_free(&image);
 }
 
@@ -128,9 +148,12 @@ static void dinosaur_has_its_outline_and_lies_in_its_box(void **state)
     context.threads = 2;
     assert_ok(published_middlebury(&model, parameters, WIDTH, HEIGHT));
     assert_ok(published_lay_out(&model, test_data(FOLDER), test_path("dino")));
+    write_masks(&model);
     tsuya_reconstruct_options options = tsuya_reconstruct_options_default();
     options.photos = test_path("dino/photos");
+    options.masks = test_path("dino/masks");
     options.poses = test_path("dino/poses");
+    options.dense_long_side_px = WIDTH / 2;
     options.output = test_path("dino/out");
     assert_ok(tsuya_reconstruct(&info, &options, &context));
     assert_ok(tsuya_ply_load(&mesh, test_path("dino/out/mesh.ply")));
