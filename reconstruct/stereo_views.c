@@ -3,7 +3,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { LEAST_POINTS = 8 /* that a reference sees, and that it shares with a source */ };
+enum {
+    LEAST_POINTS = 8,  /* that a reference sees, and that it shares with a source */
+    LEAST_SOURCES = 2, /* fewer are filled up by the poses alone */
+};
 
 static bool is_named(const char *name, const char *const *names, int count)
 {
@@ -26,15 +29,33 @@ static double point_depth(const tsuya_view *view, tsuya_vec3 position)
     return tsuya_pose_apply(view->camera_from_world, position).z;
 }
 
-/* From the depths of the view's own points: 1 % and 99 % quantiles, widened by a quarter.  False with too few points. */
-static bool depth_range(tsuya_view_plan *plan, const tsuya_sparse_model *model, const tsuya_view *view, double *depth)
+static bool in_picture(const tsuya_sparse_model *model, int view, tsuya_vec3 position)
 {
+    const tsuya_camera *camera = &model->camera[model->view[view].camera];
+    tsuya_vec2 pixel;
+    return tsuya_camera_project(camera, tsuya_pose_apply(model->view[view].camera_from_world, position), &pixel) && pixel.x >= -0.5 &&
+           pixel.y >= -0.5 && pixel.x <= camera->width_px - 0.5 && pixel.y <= camera->height_px - 0.5;
+}
+
+/* From the depths of the view's own points, or, where it has too few, of all points that fall into its picture: 1 % and
+ * 99 % quantiles, widened by a quarter.  False with too few points. */
+static bool depth_range(tsuya_view_plan *plan, const tsuya_sparse_model *model, int index, double *depth)
+{
+    const tsuya_view *view = &model->view[index];
     int count = 0;
     for (int i = 0; i < view->observation_count; i++) {
         if (view->observation[i].point >= 0) {
             double z = point_depth(view, model->point[view->observation[i].point].position);
             if (z > 0.0) {
                 depth[count++] = z;
+            }
+        }
+    }
+    if (count < LEAST_POINTS) {
+        count = 0;
+        for (size_t i = 0; i < model->point_count; i++) {
+            if (in_picture(model, index, model->point[i].position)) {
+                depth[count++] = point_depth(view, model->point[i].position);
             }
         }
     }
@@ -94,10 +115,52 @@ static void score_sources(candidate *out, const tsuya_sparse_model *model, int r
     }
 }
 
+/* Where a view has too few points of its own, as given poses of bare objects have: the views that look at the same place
+ * from nearly the same side, told by the whole model's points as if nothing stood before them.  Such a source weighs less
+ * than any that shares points. */
+static void score_by_poses(candidate *out, const tsuya_sparse_model *model, int reference)
+{
+    enum { MOST = 2000 };
+    const size_t step = model->point_count / MOST + 1;
+    const double least_facing = cos(tsuya_rad_from_deg(40.0));
+    tsuya_vec3 axis = tsuya_mat3_apply_transposed(model->view[reference].camera_from_world.rotation, tsuya_vec3_make(0, 0, 1));
+    for (int v = 0; v < model->view_count; v++) {
+        tsuya_vec3 other = tsuya_mat3_apply_transposed(model->view[v].camera_from_world.rotation, tsuya_vec3_make(0, 0, 1));
+        if (v == reference || out[v].shared >= LEAST_POINTS || tsuya_vec3_dot(axis, other) < least_facing) {
+            continue;
+        }
+        int both = 0;
+        double sum = 0.0;
+        for (size_t i = 0; i < model->point_count; i += step) {
+            tsuya_vec3 position = model->point[i].position;
+            if (in_picture(model, reference, position) && in_picture(model, v, position)) {
+                sum += pair_score(model, reference, v, position);
+                both++;
+            }
+        }
+        if (both >= LEAST_POINTS) {
+            out[v].shared = both;
+            out[v].score = 1e-3 * sum / both;
+        }
+    }
+}
+
+static int sharing(const candidate *candidates, const tsuya_view_plan *all, int count)
+{
+    int enough = 0;
+    for (int v = 0; v < count; v++) {
+        enough += candidates[v].shared >= LEAST_POINTS && candidates[v].score > 0.0 && !all[candidates[v].view].held_out;
+    }
+    return enough;
+}
+
 static bool choose_sources(tsuya_view_plan *plan, const tsuya_view_plan *all, const tsuya_sparse_model *model,
                            candidate *candidates, int reference, int source_views)
 {
     score_sources(candidates, model, reference);
+    if (sharing(candidates, all, model->view_count) < LEAST_SOURCES) {
+        score_by_poses(candidates, model, reference);
+    }
     qsort(candidates, (size_t)model->view_count, sizeof *candidates, compare_candidate);
     plan->source_count = 0;
     for (int k = 0; k < model->view_count && plan->source_count < source_views; k++) {
@@ -138,7 +201,7 @@ tsuya_status tsuya_view_plans_make(tsuya_view_plan **plans, const tsuya_sparse_m
         return tsuya_fail(TSUYA_ERROR_INPUT, "%s/sparse: the model has no points; stereo needs them for the range of "
                           "depth and the choice of neighbours (triangulate them first)", workspace);
     }
-    int most = 1;
+    int most = (int)model->point_count;
     for (int v = 0; v < model->view_count; v++) {
         most = model->view[v].observation_count > most ? model->view[v].observation_count : most;
     }
@@ -156,7 +219,7 @@ tsuya_status tsuya_view_plans_make(tsuya_view_plan **plans, const tsuya_sparse_m
         }
     }
     for (int v = 0; v < model->view_count; v++) {
-        plan[v].used = !plan[v].held_out && depth_range(&plan[v], model, &model->view[v], depth) &&
+        plan[v].used = !plan[v].held_out && depth_range(&plan[v], model, v, depth) &&
                        choose_sources(&plan[v], plan, model, candidates, v, source_views);
     }
     int used = drop_mapless_sources(plan, model->view_count);
