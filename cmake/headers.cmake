@@ -9,6 +9,14 @@ set(TSUYA_PUBLIC_HEADERS
   capture/studio_goniometer.h
   capture/studio_sensor.h
   capture/studio_session.h
+  calib/apriltag_adapter.h
+  calib/board.h
+  calib/calibrate.h
+  calib/corners.h
+  calib/detect.h
+  calib/projection.h
+  calib/refine.h
+  calib/solve.h
   core/api.h
   core/camera.h
   core/color.h

@@ -1,0 +1,113 @@
+#include "calib/calibrate.h"
+
+#include <math.h>
+
+static void set_stats(tsuya_json *object, const char *key, const tsuya_projection_stats *s)
+{
+    tsuya_json *o = tsuya_json_set_object(object, key);
+    tsuya_json_set_number(o, "mean", s->mean);
+    tsuya_json_set_number(o, "p90", s->p90);
+    tsuya_json_set_number(o, "max", s->max);
+}
+
+static void set_uncertainty(tsuya_json *object, const char *key, const tsuya_projection_map *map)
+{
+    int which;
+    tsuya_json *o = tsuya_json_set_object(object, key);
+    tsuya_json_set_number(o, "center", tsuya_projection_center(map));
+    tsuya_json_set_number(o, "corner", tsuya_projection_corner(&which, map));
+}
+
+static void set_plates(tsuya_json *object, const tsuya_calibration *c)
+{
+    tsuya_json *plates = tsuya_json_set_array(object, "plates");
+    for (int i = 0; i < c->plates; i++) {
+        const tsuya_calibrate_plate *p = &c->plate[i];
+        tsuya_json *o = tsuya_json_add_object(plates);
+        tsuya_json_set_text(o, "name", p->name);
+        tsuya_json_set_text(o, "reference", p->reference);
+        tsuya_json_set_number(o, "angle_deg", p->angle_deg);
+        tsuya_json_set_number(o, "distance_m", p->distance_m);
+        tsuya_json_set_number(o, "angle_sd_deg", p->angle_sd_deg);
+        tsuya_json_set_number(o, "distance_sd_m", p->distance_sd_m);
+        tsuya_json_set_number(o, "photos", p->photos);
+        tsuya_json_set_bool(o, "rigid", p->rigid);
+    }
+}
+
+static void set_trials(tsuya_json *object, const tsuya_calibration *c)
+{
+    tsuya_json *lenses = tsuya_json_set_array(object, "lenses");
+    for (int i = 0; i < c->trials; i++) {
+        const tsuya_calibrate_trial *t = &c->trial[i];
+        tsuya_json *o = tsuya_json_add_object(lenses);
+        tsuya_json_set_text(o, "model", tsuya_lens_name(t->lens));
+        tsuya_json_set_number(o, "rms_px", t->rms_px);
+        tsuya_json_set_number(o, "heldout_px", t->heldout_px);
+        tsuya_json_set_number(o, "cross_validation_p90_px", t->cross.p90);
+    }
+}
+
+/* Photographs whose corners fit worse than twice the median. */
+static void set_photos(tsuya_json *object, const tsuya_calibration *c, const tsuya_corner_set *corners)
+{
+    tsuya_json *photos = tsuya_json_set_array(object, "photographs");
+    for (int p = 0; p < corners->photo_count; p++) {
+        int used = 0, outliers = 0;
+        for (int i = 0; i < c->solve.observation_count; i++) {
+            const tsuya_solve_observation *o = &c->solve.observation[i];
+            used += c->solve.view[o->view].photo == p;
+            outliers += c->solve.view[o->view].photo == p && o->outlier;
+        }
+        tsuya_json *o = tsuya_json_add_object(photos);
+        tsuya_json_set_text(o, "name", corners->photo[p]);
+        tsuya_json_set_number(o, "corners", used);
+        tsuya_json_set_number(o, "outliers", outliers);
+        tsuya_json_set_number(o, "sigma_px", used ? c->solve.photo_sigma_px[p] : NAN);
+    }
+}
+
+static void set_camera(tsuya_json *object, const tsuya_calibration *c)
+{
+    const tsuya_camera *k = &c->solve.camera;
+    int n = tsuya_lens_parameters(k->lens);
+    double sigma[TSUYA_INTRINSICS_MOST];
+    tsuya_json_set_number(object, "fx", k->fx_px);
+    tsuya_json_set_number(object, "fy", k->fy_px);
+    tsuya_json_set_number(object, "cx", k->cx_px);
+    tsuya_json_set_number(object, "cy", k->cy_px);
+    tsuya_json_set_numbers(object, "distortion", k->distortion, n - 4);
+    for (int i = 0; i < n; i++) {
+        sigma[i] = sqrt(c->covariance[i * n + i]);
+    }
+    tsuya_json_set_numbers(object, "intrinsics_sigma", sigma, n);
+    tsuya_json_set_number(object, "width_px", k->width_px);
+    tsuya_json_set_number(object, "height_px", k->height_px);
+}
+
+void tsuya_calibration_to_json(tsuya_json *object, const tsuya_calibration *c, const tsuya_corner_set *corners)
+{
+    const tsuya_calibrate_trial *t = &c->trial[c->chosen];
+    tsuya_json_set_text(object, "model", tsuya_lens_name(c->solve.camera.lens));
+    tsuya_json_set_number(object, "rms_px", c->solve.rms_px);
+    tsuya_json_set_number(object, "photos_used", c->photos_used);
+    tsuya_json_set_number(object, "photos_total", corners->photo_count);
+    tsuya_json_set_number(object, "corners_used", c->solve.observation_count - c->solve.outliers);
+    tsuya_json_set_number(object, "corners_outlier", c->solve.outliers);
+    set_stats(object, "cross_validation_px", &t->cross);
+    set_uncertainty(object, "uncertainty_px", &c->sigma);
+    set_stats(object, "cross_validation_px_infinity", &t->cross_infinity);
+    set_uncertainty(object, "uncertainty_px_infinity", &c->sigma_infinity);
+    set_camera(object, c);
+    tsuya_json_set_number(object, "distance_m", c->distance_m);
+    set_plates(object, c);
+    tsuya_json_set_number(object, "edge_bias", c->solve.edge_bias);
+    tsuya_json_set_numbers(object, "tag_growth", c->solve.tag_growth, c->solve.board->plate_count);
+    tsuya_json_set_text(object, "reason", c->reason);
+    tsuya_json *advice = tsuya_json_set_array(object, "advice");
+    for (int i = 0; i < c->advice_count; i++) {
+        tsuya_json_add_text(advice, c->advice[i]);
+    }
+    set_trials(object, c);
+    set_photos(object, c, corners);
+}

@@ -1,0 +1,258 @@
+#include "calib/mrcal_adapter.h"
+
+#include "core/memory.h"
+
+#include <mrcal/mrcal.h>
+#include <suitesparse/cholmod.h>
+
+#include <string.h>
+
+static mrcal_lensmodel_t model_of(tsuya_lens lens)
+{
+    mrcal_lensmodel_t model = {.type = MRCAL_LENSMODEL_PINHOLE};
+    model.type = lens == TSUYA_LENS_OPENCV4 ? MRCAL_LENSMODEL_OPENCV4 : lens == TSUYA_LENS_OPENCV5 ? MRCAL_LENSMODEL_OPENCV5
+               : lens == TSUYA_LENS_OPENCV8 ? MRCAL_LENSMODEL_OPENCV8 : lens == TSUYA_LENS_OPENCV12 ? MRCAL_LENSMODEL_OPENCV12
+                                                                                                    : MRCAL_LENSMODEL_PINHOLE;
+    return model;
+}
+
+static void vector_from_camera(double v[TSUYA_INTRINSICS_MOST], const tsuya_camera *c)
+{
+    v[0] = c->fx_px;
+    v[1] = c->fy_px;
+    v[2] = c->cx_px;
+    v[3] = c->cy_px;
+    memcpy(v + 4, c->distortion, sizeof c->distortion);
+}
+
+static void camera_from_vector(tsuya_camera *c, const double *v)
+{
+    c->fx_px = v[0];
+    c->fy_px = v[1];
+    c->cx_px = v[2];
+    c->cy_px = v[3];
+    memcpy(c->distortion, v + 4, (size_t)(tsuya_lens_parameters(c->lens) - 4) * sizeof *v);
+}
+
+/* The problem as mrcal sees it. */
+typedef struct layout {
+    mrcal_lensmodel_t model;
+    mrcal_problem_selections_t select;
+    mrcal_problem_constants_t constants;
+    double intrinsics[TSUYA_INTRINSICS_MOST];
+    int size[2];
+    mrcal_pose_t *pose;
+    mrcal_point3_t *point;
+    mrcal_observation_point_t *seen;
+    int poses, points, observations, states, measurements;
+} layout;
+
+static void layout_free(layout *l)
+{
+    tsuya_free(l->pose);
+    tsuya_free(l->point);
+    tsuya_free(l->seen);
+}
+
+static void fill(layout *l, const tsuya_solve *solve)
+{
+    for (int v = 0; v < l->poses; v++) {
+        tsuya_vec3 r = tsuya_rodrigues_from_mat3(solve->view[v].camera_from_plate.rotation), t = solve->view[v].camera_from_plate.translation;
+        l->pose[v] = (mrcal_pose_t){.r = {.xyz = {r.x, r.y, r.z}}, .t = {.xyz = {t.x, t.y, t.z}}};
+    }
+    for (int i = 0; i < l->points; i++) {
+        tsuya_vec3 p = tsuya_solve_point(solve, i / 4, i % 4);
+        l->point[i] = (mrcal_point3_t){.xyz = {p.x, p.y, p.z}};
+    }
+    for (int i = 0; i < l->observations; i++) {
+        const tsuya_solve_observation *o = &solve->observation[i];
+        l->seen[i].icam.intrinsics = 0;
+        l->seen[i].icam.extrinsics = o->view;
+        l->seen[i].i_point = 4 * o->tag + o->corner;
+        l->seen[i].px = (mrcal_point3_t){.xyz = {o->pixel.x, o->pixel.y, o->outlier ? -1.0 : 1.0 / o->weight_sigma_px}};
+    }
+}
+
+static tsuya_status layout_create(layout *l, const tsuya_solve *solve, tsuya_mrcal_free what)
+{
+    tsuya_status status = TSUYA_OK;
+    *l = (layout){.model = model_of(solve->camera.lens), .constants = {.point_min_range = 1e-6, .point_max_range = 1e9},
+                  .size = {solve->camera.width_px, solve->camera.height_px}, .poses = solve->view_count, .points = 4 * solve->board->tag_count,
+                  .observations = solve->observation_count};
+    l->select.do_optimize_extrinsics = true;
+    l->select.do_optimize_intrinsics_core = what >= TSUYA_MRCAL_CORE;
+    l->select.do_optimize_intrinsics_distortions = what == TSUYA_MRCAL_ALL;
+    vector_from_camera(l->intrinsics, &solve->camera);
+    TSUYA_NEW(status, l->pose, (size_t)l->poses);
+    TSUYA_NEW(status, l->point, (size_t)l->points);
+    TSUYA_NEW(status, l->seen, (size_t)l->observations);
+    fill(l, solve);
+    l->states = mrcal_num_states(1, l->poses, 0, l->points, l->points, 0, l->select, &l->model);
+    l->measurements = mrcal_num_measurements(0, l->observations, 0, 0, 1, l->poses, 0, l->points, l->points, l->select, &l->model);
+done:
+    if (status != TSUYA_OK) {
+        layout_free(l);
+    }
+    return status;
+}
+
+/* Residuals as mrcal weighs them, back in pixels; what is an outlier is projected here. */
+static void keep_residuals(tsuya_solve *solve)
+{
+    double squares = 0.0;
+    int count = 0;
+    solve->outliers = 0;
+    for (int i = 0; i < solve->observation_count; i++) {
+        tsuya_solve_observation *o = &solve->observation[i];
+        tsuya_vec2 q;
+        double by_point[6];
+        tsuya_vec3 p = tsuya_pose_apply(solve->view[o->view].camera_from_plate, tsuya_solve_point(solve, o->tag, o->corner));
+        if (!tsuya_mrcal_project(&q, by_point, NULL, &solve->camera, p)) {
+            q = (tsuya_vec2){1e6, 1e6};
+        }
+        o->residual_px = (tsuya_vec2){o->pixel.x - q.x, o->pixel.y - q.y};
+        solve->outliers += o->outlier;
+        if (!o->outlier) {
+            squares += o->residual_px.x * o->residual_px.x + o->residual_px.y * o->residual_px.y;
+            count += 2;
+        }
+    }
+    solve->rms_px = count ? sqrt(squares / count) : NAN;
+}
+
+static void keep_solution(tsuya_solve *solve, const layout *l, double squares)
+{
+    camera_from_vector(&solve->camera, l->intrinsics);
+    for (int v = 0; v < l->poses; v++) {
+        const double *r = l->pose[v].r.xyz, *t = l->pose[v].t.xyz;
+        solve->view[v].camera_from_plate = (tsuya_pose){tsuya_mat3_from_rodrigues((tsuya_vec3){r[0], r[1], r[2]}), {t[0], t[1], t[2]}};
+    }
+    keep_residuals(solve);
+    int freedom = 2 * (l->observations - solve->outliers) - l->states;
+    solve->variance = freedom > 0 ? squares / freedom : NAN;
+}
+
+tsuya_status tsuya_mrcal_optimize(tsuya_solve *solve, tsuya_mrcal_free what)
+{
+    layout l;
+    double *b = NULL, *x = NULL, squares = 0.0;
+    tsuya_status status = TSUYA_OK;
+    TSUYA_TRY(layout_create(&l, solve, what));
+    TSUYA_NEW(status, b, (size_t)l.states);
+    TSUYA_NEW(status, x, (size_t)l.measurements);
+    mrcal_stats_t stats = mrcal_optimize(b, l.states * (int)sizeof *b, x, l.measurements * (int)sizeof *x, l.intrinsics, l.pose, NULL, l.point, NULL,
+                                         1, l.poses, 0, l.points, l.points, NULL, l.seen, 0, l.observations, NULL, &l.model, l.size, l.select,
+                                         &l.constants, 0.0, 0, 0, false, false);
+    bool finite = stats.rms_reproj_error__pixels >= 0.0 && isfinite(stats.rms_reproj_error__pixels);
+    for (int i = 0; i < l.measurements; i++) {
+        squares += x[i] * x[i];
+    }
+    if (!finite || !isfinite(squares) || !(l.intrinsics[0] > 0.0) || !(l.intrinsics[1] > 0.0)) {
+        status = tsuya_fail(TSUYA_ERROR_NUMERIC, "the calibration did not converge (%s, %d views)", tsuya_lens_name(solve->camera.lens), l.poses);
+        goto done;
+    }
+    keep_solution(solve, &l, squares);
+done:
+    tsuya_free(b);
+    tsuya_free(x);
+    layout_free(&l);
+    return status;
+}
+
+/* Jᵀ at the solution, in mrcal's packed units. */
+static tsuya_status jacobian(cholmod_sparse **jt, double *b, double *x, const layout *l, cholmod_common *common)
+{
+    int nonzeros = _mrcal_num_j_nonzero(0, l->observations, 0, 0, 1, l->poses, 0, l->points, l->points, NULL, l->seen, l->select, &l->model);
+    *jt = cholmod_allocate_sparse((size_t)l->states, (size_t)l->measurements, (size_t)nonzeros, true, true, 0, CHOLMOD_REAL, common);
+    if (!*jt) {
+        return tsuya_fail(TSUYA_ERROR_MEMORY, "out of memory (%d nonzero derivatives)", nonzeros);
+    }
+    bool fine = mrcal_optimizer_callback(b, l->states * (int)sizeof *b, x, l->measurements * (int)sizeof *x, *jt, l->intrinsics, l->pose, NULL, l->point,
+                                         NULL, 1, l->poses, 0, l->points, l->points, NULL, l->seen, 0, l->observations, NULL, &l->model, l->size,
+                                         l->select, &l->constants, 0.0, 0, 0, false);
+    return fine ? TSUYA_OK : tsuya_fail(TSUYA_ERROR_NUMERIC, "mrcal's derivatives could not be computed");
+}
+
+/* `block` (n × n) of (J Jᵀ)⁻¹ at `first`, in plain units. */
+static tsuya_status inverse_block(double *block, int first, int n, const layout *l, cholmod_factor *factor, const double *scale, cholmod_common *common)
+{
+    cholmod_dense *unit = cholmod_zeros((size_t)l->states, (size_t)n, CHOLMOD_REAL, common);
+    if (!unit) {
+        return tsuya_fail(TSUYA_ERROR_MEMORY, "out of memory");
+    }
+    for (int k = 0; k < n; k++) {
+        ((double *)unit->x)[k * l->states + first + k] = 1.0;
+    }
+    cholmod_dense *column = cholmod_solve(CHOLMOD_A, factor, unit, common);
+    bool fine = column != NULL;
+    for (int i = 0; fine && i < n; i++) {
+        for (int k = 0; k < n; k++) {
+            block[i * n + k] = ((double *)column->x)[k * l->states + first + i] * scale[first + i] * scale[first + k];
+            fine &= isfinite(block[i * n + k]) && (i != k || block[i * n + k] > 0.0);
+        }
+    }
+    cholmod_free_dense(&unit, common);
+    cholmod_free_dense(&column, common);
+    return fine ? TSUYA_OK : tsuya_fail(TSUYA_ERROR_NUMERIC, "the photographs do not determine the camera: turn and tilt the board more");
+}
+
+/* mrcal's pivots span many orders; what is left of a state after the others must not be rounding alone. */
+static bool well_determined(const cholmod_factor *factor, cholmod_common *common)
+{
+    return common->status == CHOLMOD_OK && factor->minor == factor->n && cholmod_rcond((cholmod_factor *)factor, common) > 1e-13;
+}
+
+tsuya_status tsuya_mrcal_covariance(double *intrinsics, double *pose, const tsuya_solve *solve, int view)
+{
+    layout l;
+    cholmod_common common;
+    cholmod_sparse *jt = NULL;
+    cholmod_factor *factor = NULL;
+    double *b = NULL, *x = NULL, *scale = NULL;
+    tsuya_status status = TSUYA_OK;
+    TSUYA_TRY(layout_create(&l, solve, TSUYA_MRCAL_ALL));
+    cholmod_start(&common);
+    common.print = 0;
+    TSUYA_NEW(status, b, (size_t)l.states);
+    TSUYA_NEW(status, scale, (size_t)l.states);
+    TSUYA_NEW(status, x, (size_t)l.measurements);
+    TSUYA_GOTO_DONE(status, jacobian(&jt, b, x, &l, &common));
+    for (int i = 0; i < l.states; i++) {
+        scale[i] = 1.0;
+    }
+    mrcal_unpack_solver_state_vector(scale, 1, l.poses, 0, l.points, l.points, l.select, &l.model);
+    factor = cholmod_analyze(jt, &common);
+    if (!factor || !cholmod_factorize(jt, factor, &common) || !well_determined(factor, &common)) {
+        status = tsuya_fail(TSUYA_ERROR_NUMERIC, "the photographs do not determine the camera: turn and tilt the board more");
+        goto done;
+    }
+    TSUYA_GOTO_DONE(status, inverse_block(intrinsics, 0, tsuya_lens_parameters(solve->camera.lens), &l, factor, scale, &common));
+    if (pose) {
+        int first = mrcal_state_index_extrinsics(view, 1, l.poses, 0, l.points, l.points, 0, l.select, &l.model);
+        TSUYA_GOTO_DONE(status, inverse_block(pose, first, 6, &l, factor, scale, &common));
+    }
+done:
+    cholmod_free_factor(&factor, &common);
+    cholmod_free_sparse(&jt, &common);
+    cholmod_finish(&common);
+    tsuya_free(b);
+    tsuya_free(scale);
+    tsuya_free(x);
+    layout_free(&l);
+    return status;
+}
+
+bool tsuya_mrcal_project(tsuya_vec2 *pixel, double by_point[6], double *by_intrinsics, const tsuya_camera *camera, tsuya_vec3 p)
+{
+    mrcal_lensmodel_t model = model_of(camera->lens);
+    mrcal_point3_t point = {.xyz = {p.x, p.y, p.z}}, gradient[2];
+    mrcal_point2_t q;
+    double v[TSUYA_INTRINSICS_MOST];
+    vector_from_camera(v, camera);
+    if (!(p.z > 0.0) || !mrcal_project(&q, gradient, by_intrinsics, &point, 1, &model, v)) {
+        return false;
+    }
+    memcpy(by_point, gradient, sizeof gradient);
+    *pixel = (tsuya_vec2){q.x, q.y};
+    return isfinite(q.x) && isfinite(q.y);
+}

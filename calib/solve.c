@@ -1,0 +1,441 @@
+#include "calib/solve.h"
+
+#include "calib/mrcal_adapter.h"
+#include "calib/planar.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { MOST_ROUNDS = 8, WEIGHT_ROUNDS = 4 };
+static const double OUTLIER_SIGMAS = 4.0, RAYLEIGH_MEDIAN = 1.17741;
+
+typedef struct lens_entry { tsuya_lens lens; const char *name; int parameters; } lens_entry;
+static const lens_entry lenses[] = {
+    {TSUYA_LENS_PINHOLE, "PINHOLE", 4}, {TSUYA_LENS_OPENCV4, "OPENCV4", 8}, {TSUYA_LENS_OPENCV5, "OPENCV5", 9},
+    {TSUYA_LENS_OPENCV8, "OPENCV8", 12}, {TSUYA_LENS_OPENCV12, "OPENCV12", 16},
+};
+enum { LENS_COUNT = sizeof lenses / sizeof lenses[0] };
+
+int tsuya_lens_parameters(tsuya_lens lens)
+{
+    for (int i = 0; i < LENS_COUNT; i++) {
+        if (lenses[i].lens == lens) {
+            return lenses[i].parameters;
+        }
+    }
+    return 8; /* COLMAP's smaller models are carried as OPENCV4 */
+}
+
+const char *tsuya_lens_name(tsuya_lens lens)
+{
+    for (int i = 0; i < LENS_COUNT; i++) {
+        if (lenses[i].lens == lens) {
+            return lenses[i].name;
+        }
+    }
+    return "OPENCV4";
+}
+
+bool tsuya_lens_from_name(tsuya_lens *lens, const char *name)
+{
+    for (int i = 0; i < LENS_COUNT; i++) {
+        if (strcmp(lenses[i].name, name) == 0) {
+            *lens = lenses[i].lens;
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Corners of one photograph and plate. */
+static void add_view(tsuya_solve *s, const tsuya_corner_set *corners, int begin, int end, int plate, int fewest)
+{
+    int first = s->observation_count;
+    for (int i = begin; i < end; i++) {
+        const tsuya_corner *c = &corners->corner[i];
+        int tag = tsuya_board_find(s->board, c->tag_id);
+        if (tag < 0 || s->board->tag[tag].plate != plate) {
+            continue;
+        }
+        s->observation[s->observation_count++] = (tsuya_solve_observation){
+            .view = s->view_count, .tag = tag, .corner = c->corner, .pixel = {c->x_px, c->y_px}, .seen = {c->x_px, c->y_px}, .spread_px = {c->spread_x_px, c->spread_y_px},
+            .sigma_px = c->sigma_px, .weight_sigma_px = c->sigma_px};
+    }
+    if (s->observation_count - first < fewest) {
+        s->observation_count = first;
+        return;
+    }
+    s->view[s->view_count++] = (tsuya_solve_view){.photo = corners->corner[begin].photo, .plate = plate, .first = first, .count = s->observation_count - first};
+}
+
+tsuya_status tsuya_solve_create(tsuya_solve *solve, const tsuya_board *board, const tsuya_corner_set *corners, const bool *use, int fewest, int width_px,
+                                int height_px)
+{
+    tsuya_status status = TSUYA_OK;
+    *solve = (tsuya_solve){.board = board, .photo_count = corners->photo_count};
+    TSUYA_NEW(status, solve->view, (size_t)corners->photo_count * (size_t)board->plate_count);
+    TSUYA_NEW(status, solve->observation, (size_t)corners->count);
+    TSUYA_NEW(status, solve->tag_growth, (size_t)board->plate_count);
+    TSUYA_NEW(status, solve->photo_sigma_px, (size_t)corners->photo_count);
+    for (int begin = 0, end; begin < corners->count; begin = end) {
+        int photo = corners->corner[begin].photo;
+        for (end = begin; end < corners->count && corners->corner[end].photo == photo; end++) {
+        }
+        for (int p = 0; p < board->plate_count && (!use || use[photo]); p++) {
+            add_view(solve, corners, begin, end, p, fewest);
+        }
+    }
+    if (solve->view_count == 0) {
+        status = tsuya_fail(TSUYA_ERROR_INPUT, "no photograph shows %d corners of the board or more", fewest);
+        goto done;
+    }
+    solve->camera = (tsuya_camera){.lens = TSUYA_LENS_PINHOLE, .width_px = width_px, .height_px = height_px, .fx_px = width_px, .fy_px = width_px,
+                                   .cx_px = 0.5 * (width_px - 1), .cy_px = 0.5 * (height_px - 1)};
+done:
+    if (status != TSUYA_OK) {
+        tsuya_solve_free(solve);
+    }
+    return status;
+}
+
+void tsuya_solve_free(tsuya_solve *solve)
+{
+    tsuya_free(solve->view);
+    tsuya_free(solve->observation);
+    tsuya_free(solve->photo_sigma_px);
+    tsuya_free(solve->tag_growth);
+    *solve = (tsuya_solve){0};
+}
+
+tsuya_vec3 tsuya_solve_point(const tsuya_solve *solve, int tag, int corner)
+{
+    const tsuya_board_tag *t = &solve->board->tag[tag];
+    const tsuya_vec2 *c = t->corner_m;
+    double x = 0.25 * (c[0].x + c[1].x + c[2].x + c[3].x), y = 0.25 * (c[0].y + c[1].y + c[2].y + c[3].y), s = 1.0 + solve->tag_growth[t->plate];
+    return (tsuya_vec3){x + s * (c[corner].x - x), y + s * (c[corner].y - y), 0.0};
+}
+
+/* Homography of every view from its observations' pixels, or from given image points. */
+static bool view_homography(tsuya_mat3 *h, const tsuya_solve *s, const tsuya_solve_view *v, const tsuya_vec2 *image, tsuya_vec2 *scratch)
+{
+    for (int i = 0; i < v->count; i++) {
+        const tsuya_solve_observation *o = &s->observation[v->first + i];
+        scratch[i] = s->board->tag[o->tag].corner_m[o->corner];
+        scratch[v->count + i] = image ? image[i] : o->pixel;
+    }
+    return tsuya_homography_fit(h, scratch, scratch + v->count, v->count);
+}
+
+/* A pose that stands for nothing yet: in front, at a distance that fits the view's size. */
+static tsuya_pose fallback_pose(const tsuya_camera *c)
+{
+    return (tsuya_pose){{{{1, 0, 0}, {0, -1, 0}, {0, 0, -1}}}, {0, 0, c->fx_px > 0 ? 1.0 : 1.0}};
+}
+
+static void set_poses(tsuya_solve *s, const tsuya_mat3 *h, double focal_px)
+{
+    tsuya_camera *c = &s->camera;
+    *c = (tsuya_camera){.lens = TSUYA_LENS_PINHOLE, .width_px = c->width_px, .height_px = c->height_px, .fx_px = focal_px, .fy_px = focal_px,
+                        .cx_px = 0.5 * (c->width_px - 1), .cy_px = 0.5 * (c->height_px - 1)};
+    for (int v = 0; v < s->view_count; v++) {
+        if (!tsuya_homography_pose(&s->view[v].camera_from_plate, h[v], focal_px, c->cx_px, c->cy_px)) {
+            s->view[v].camera_from_plate = fallback_pose(c);
+        }
+    }
+}
+
+static int compare_numbers(const void *pa, const void *pb)
+{
+    const double *a = pa, *b = pb;
+    return (*a > *b) - (*a < *b);
+}
+
+static double median(double *v, int n)
+{
+    if (n == 0) {
+        return NAN;
+    }
+    qsort(v, (size_t)n, sizeof *v, compare_numbers);
+    return n % 2 ? v[n / 2] : 0.5 * (v[n / 2 - 1] + v[n / 2]);
+}
+
+static double residual_norm(const tsuya_solve_observation *o) { return hypot(o->residual_px.x, o->residual_px.y); }
+
+/* Median residual, per coordinate: what a start is judged by. */
+static double typical_residual(const tsuya_solve *s, double *scratch)
+{
+    for (int i = 0; i < s->observation_count; i++) {
+        scratch[i] = residual_norm(&s->observation[i]);
+    }
+    return median(scratch, s->observation_count) / RAYLEIGH_MEDIAN;
+}
+
+static tsuya_status short_solve(tsuya_solve *s)
+{
+    TSUYA_TRY(tsuya_mrcal_optimize(s, TSUYA_MRCAL_POSES));
+    TSUYA_TRY(tsuya_mrcal_optimize(s, TSUYA_MRCAL_CORE));
+    s->camera.lens = TSUYA_LENS_OPENCV4;
+    return tsuya_mrcal_optimize(s, TSUYA_MRCAL_ALL);
+}
+
+/* While starting, all corners count alike. */
+static void even_weights(tsuya_solve *s)
+{
+    for (int i = 0; i < s->observation_count; i++) {
+        s->observation[i].weight_sigma_px = 1.0;
+        s->observation[i].outlier = false;
+    }
+}
+
+typedef struct start_memory {
+    tsuya_mat3 *h;
+    double *weight, *scratch;
+    tsuya_vec2 *points;
+    tsuya_pose *pose;
+} start_memory;
+
+static tsuya_status try_focals(tsuya_solve *s, start_memory *m, const double *focal, int count)
+{
+    tsuya_camera best = {0};
+    double best_residual = INFINITY;
+    for (int k = 0; k < count; k++) {
+        if (!(focal[k] > 0.0) || best_residual < 1.0) {
+            continue;
+        }
+        set_poses(s, m->h, focal[k]);
+        if (short_solve(s) != TSUYA_OK) {
+            continue;
+        }
+        double residual = typical_residual(s, m->scratch);
+        if (residual < best_residual) {
+            best_residual = residual;
+            best = s->camera;
+            for (int v = 0; v < s->view_count; v++) {
+                m->pose[v] = s->view[v].camera_from_plate;
+            }
+        }
+    }
+    if (!isfinite(best_residual)) {
+        return tsuya_fail(TSUYA_ERROR_NUMERIC, "no focal length explains the corners: is the board file the board that was photographed?");
+    }
+    s->camera = best;
+    for (int v = 0; v < s->view_count; v++) {
+        s->view[v].camera_from_plate = m->pose[v];
+    }
+    return TSUYA_OK;
+}
+
+static void free_memory(start_memory *m)
+{
+    tsuya_free(m->h);
+    tsuya_free(m->weight);
+    tsuya_free(m->scratch);
+    tsuya_free(m->points);
+    tsuya_free(m->pose);
+}
+
+static tsuya_status allocate(start_memory *m, const tsuya_solve *s)
+{
+    tsuya_status status = TSUYA_OK;
+    *m = (start_memory){0};
+    TSUYA_NEW(status, m->h, (size_t)s->view_count);
+    TSUYA_NEW(status, m->weight, (size_t)s->view_count);
+    TSUYA_NEW(status, m->pose, (size_t)s->view_count);
+    TSUYA_NEW(status, m->scratch, (size_t)s->observation_count);
+    TSUYA_NEW(status, m->points, 2 * (size_t)s->observation_count);
+done:
+    return status;
+}
+
+tsuya_status tsuya_solve_start(tsuya_solve *s, double focal_px)
+{
+    start_memory m;
+    tsuya_status status = allocate(&m, s);
+    if (status == TSUYA_OK) {
+        double certainty, side = fmax(s->camera.width_px, s->camera.height_px);
+        for (int v = 0; v < s->view_count; v++) {
+            m.weight[v] = view_homography(&m.h[v], s, &s->view[v], NULL, m.points) ? s->view[v].count : 0.0;
+        }
+        double zhang = tsuya_homography_focal(&certainty, m.h, m.weight, s->view_count, 0.5 * s->camera.width_px, 0.5 * s->camera.height_px);
+        double focal[] = {focal_px, zhang > 0.2 * side && zhang < 20 * side ? zhang : 0.0, 1.0 * side, 0.6 * side, 1.7 * side, 3.0 * side, 0.4 * side};
+        even_weights(s);
+        status = try_focals(s, &m, focal, sizeof focal / sizeof focal[0]);
+    }
+    free_memory(&m);
+    return status;
+}
+
+tsuya_status tsuya_solve_poses(tsuya_solve *s, const tsuya_camera *camera)
+{
+    start_memory m;
+    tsuya_status status = allocate(&m, s);
+    for (int v = 0; v < s->view_count && status == TSUYA_OK; v++) {
+        const tsuya_solve_view *view = &s->view[v];
+        tsuya_vec2 *ideal = m.points + 2 * view->first;
+        tsuya_vec2 *scratch = tsuya_calloc(3 * (size_t)view->count, sizeof *scratch);
+        if (!scratch) {
+            status = TSUYA_ERROR_MEMORY;
+            break;
+        }
+        for (int i = 0; i < view->count; i++) {
+            tsuya_vec3 ray = {0, 0, 1};
+            (void)tsuya_camera_unproject(camera, s->observation[view->first + i].pixel, &ray);
+            ideal[i] = (tsuya_vec2){ray.x / ray.z, ray.y / ray.z};
+        }
+        if (!view_homography(&m.h[v], s, view, ideal, scratch) || !tsuya_homography_pose(&s->view[v].camera_from_plate, m.h[v], 1.0, 0.0, 0.0)) {
+            s->view[v].camera_from_plate = fallback_pose(camera);
+        }
+        tsuya_free(scratch);
+    }
+    free_memory(&m);
+    s->camera = *camera;
+    return status == TSUYA_OK ? tsuya_mrcal_optimize(s, TSUYA_MRCAL_POSES) : status;
+}
+
+/* Robust residual of each photograph, and from it what its corners get on top of their own sigma. */
+static tsuya_status reweigh(tsuya_solve *s)
+{
+    double *scratch = tsuya_calloc((size_t)s->observation_count, sizeof *scratch);
+    if (!scratch) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    double all = typical_residual(s, scratch);
+    for (int i = 0; i < s->observation_count; i++) {
+        scratch[i] = s->observation[i].sigma_px;
+    }
+    double own = median(scratch, s->observation_count), common2 = fmax(all * all - own * own, 0.0);
+    for (int p = 0; p < s->photo_count; p++) {
+        s->photo_sigma_px[p] = NAN;
+    }
+    for (int begin = 0, end; begin < s->view_count; begin = end) {
+        int photo = s->view[begin].photo, n = 0;
+        for (end = begin; end < s->view_count && s->view[end].photo == photo; end++) {
+        }
+        int first = s->view[begin].first, last = s->view[end - 1].first + s->view[end - 1].count;
+        for (int i = first; i < last; i++) {
+            scratch[n++] = residual_norm(&s->observation[i]);
+        }
+        /* Poses take six numbers a view out of the residuals. */
+        double freedom = 1.0 - fmin(0.75, 6.0 * (end - begin) / (2.0 * n));
+        double sigma = median(scratch, n) / RAYLEIGH_MEDIAN / sqrt(freedom);
+        s->photo_sigma_px[photo] = sigma;
+        for (int i = 0; i < n; i++) {
+            scratch[i] = s->observation[first + i].sigma_px;
+        }
+        double mine = median(scratch, n), share = n / (n + 40.0);
+        double extra2 = share * fmax(sigma * sigma - mine * mine, 0.0) + (1.0 - share) * common2;
+        for (int i = first; i < last; i++) {
+            s->observation[i].weight_sigma_px = sqrt(s->observation[i].sigma_px * s->observation[i].sigma_px + extra2);
+        }
+    }
+    tsuya_free(scratch);
+    return TSUYA_OK;
+}
+
+/* Marks what lies beyond four robust sigmas; how many marks changed. */
+static tsuya_status mark_outliers(int *changed, tsuya_solve *s)
+{
+    double *scratch = tsuya_calloc((size_t)s->observation_count, sizeof *scratch);
+    if (!scratch) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    for (int i = 0; i < s->observation_count; i++) {
+        scratch[i] = residual_norm(&s->observation[i]) / s->observation[i].weight_sigma_px;
+    }
+    double scale = median(scratch, s->observation_count) / RAYLEIGH_MEDIAN;
+    *changed = 0;
+    for (int i = 0; i < s->observation_count; i++) {
+        tsuya_solve_observation *o = &s->observation[i];
+        bool outlier = residual_norm(o) > OUTLIER_SIGMAS * scale * o->weight_sigma_px;
+        *changed += outlier != o->outlier;
+        o->outlier = outlier;
+    }
+    tsuya_free(scratch);
+    return TSUYA_OK;
+}
+
+/* What a plate's growth does to a corner: the projected way from the tag's centre. */
+static bool growth_direction(tsuya_vec2 *d, const tsuya_solve *s, const tsuya_solve_observation *o)
+{
+    tsuya_pose pose = s->view[o->view].camera_from_plate;
+    tsuya_vec3 p = tsuya_solve_point(s, o->tag, o->corner), opposite = tsuya_solve_point(s, o->tag, (o->corner + 2) % 4);
+    tsuya_vec2 q, r;
+    tsuya_vec3 middle = tsuya_vec3_scale(tsuya_vec3_add(p, opposite), 0.5);
+    if (!tsuya_camera_project(&s->camera, tsuya_pose_apply(pose, p), &q) || !tsuya_camera_project(&s->camera, tsuya_pose_apply(pose, middle), &r)) {
+        return false;
+    }
+    *d = (tsuya_vec2){q.x - r.x, q.y - r.y};
+    return true;
+}
+
+/* Sums of the least squares for the edges' bias (k = 0) and one plate's growth (k = 1). */
+typedef struct edge_sums { double h[2][2], g[2]; } edge_sums;
+
+static void add_edge(edge_sums *e, const tsuya_solve_observation *o, tsuya_vec2 growth)
+{
+    double w = 1.0 / (o->weight_sigma_px * o->weight_sigma_px);
+    tsuya_vec2 d[2] = {o->spread_px, growth};
+    for (int i = 0; i < 2; i++) {
+        e->g[i] += w * (d[i].x * o->residual_px.x + d[i].y * o->residual_px.y);
+        for (int k = 0; k < 2; k++) {
+            e->h[i][k] += w * (d[i].x * d[k].x + d[i].y * d[k].y);
+        }
+    }
+}
+
+/* One step of bias and growth.  Priors (half a blur width, one per cent) decide where the photographs do not: tags that are
+ * all of one size in the image. */
+static tsuya_status step_edges(tsuya_solve *s)
+{
+    int plates = s->board->plate_count;
+    edge_sums *sum = tsuya_calloc((size_t)plates, sizeof *sum);
+    if (!sum) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    for (int i = 0; i < s->observation_count; i++) {
+        tsuya_vec2 growth;
+        if (!s->observation[i].outlier && growth_direction(&growth, s, &s->observation[i])) {
+            add_edge(&sum[s->view[s->observation[i].view].plate], &s->observation[i], growth);
+        }
+    }
+    double h = 1.0 / 0.25, g = -s->edge_bias / 0.25;
+    for (int p = 0; p < plates; p++) {
+        sum[p].h[1][1] += 1.0 / 1e-4;
+        sum[p].g[1] -= s->tag_growth[p] / 1e-4;
+        h += sum[p].h[0][0] - sum[p].h[0][1] * sum[p].h[0][1] / sum[p].h[1][1];
+        g += sum[p].g[0] - sum[p].h[0][1] * sum[p].g[1] / sum[p].h[1][1];
+    }
+    double step = g / h;
+    s->edge_bias += step;
+    for (int p = 0; p < plates; p++) {
+        s->tag_growth[p] += (sum[p].g[1] - sum[p].h[0][1] * step) / sum[p].h[1][1];
+    }
+    for (int i = 0; i < s->observation_count; i++) {
+        tsuya_solve_observation *o = &s->observation[i];
+        o->pixel = (tsuya_vec2){o->seen.x - s->edge_bias * o->spread_px.x, o->seen.y - s->edge_bias * o->spread_px.y};
+    }
+    tsuya_free(sum);
+    return TSUYA_OK;
+}
+
+tsuya_status tsuya_solve_lens(tsuya_solve *s, tsuya_lens lens)
+{
+    int old = tsuya_lens_parameters(s->camera.lens), now = tsuya_lens_parameters(lens);
+    for (int i = now < old ? now - 4 : old - 4; i < 12; i++) {
+        s->camera.distortion[i] = 0.0;
+    }
+    s->camera.lens = lens;
+    for (int round = 0; round < MOST_ROUNDS; round++) {
+        int changed;
+        TSUYA_TRY(tsuya_mrcal_optimize(s, TSUYA_MRCAL_ALL));
+        if (round < WEIGHT_ROUNDS) {
+            TSUYA_TRY(reweigh(s));
+            TSUYA_TRY(step_edges(s));
+        }
+        TSUYA_TRY(mark_outliers(&changed, s));
+        if (round >= WEIGHT_ROUNDS && changed == 0) {
+            return TSUYA_OK;
+        }
+    }
+    return tsuya_mrcal_optimize(s, TSUYA_MRCAL_ALL);
+}
