@@ -117,6 +117,8 @@ static tsuya_status check_places(const tsuya_job *job)
         TSUYA_TRY(refuse_inside(job, "poses", job->poses, stage_folder));
         TSUYA_TRY(refuse_inside(job, "lights", job->lights, stage_folder));
         TSUYA_TRY(refuse_inside(job, "camera: model", job->camera.model, stage_folder));
+        TSUYA_TRY(refuse_inside(job, "camera: board", job->camera.board, stage_folder));
+        TSUYA_TRY(refuse_inside(job, "camera: photos", job->camera.photos, stage_folder));
         for (int m = 0; m < job->materials.count; m++) {
             TSUYA_TRY(refuse_inside(job, "materials: model", tsuya_job_material_at(job, m)->model, stage_folder));
         }
@@ -141,11 +143,6 @@ static tsuya_status check_camera(tsuya_job *job)
     TSUYA_TRY(resolve(job, &c->model, "camera: model", false));
     if (c->model ? (c->board || c->photos) : !(c->board && c->photos)) {
         return tsuya_fail(TSUYA_ERROR_INPUT, "%s: camera: needs board: and photos: of it, or model: alone", job->path);
-    }
-    if (c->board) {
-        return tsuya_fail(TSUYA_ERROR_UNAVAILABLE,
-                          "%s: camera: board: calibration from a board is not in this version; give model: (a .cameramodel) or "
-                          "leave camera: out", job->path);
     }
     return TSUYA_OK;
 }

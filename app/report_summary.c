@@ -54,7 +54,7 @@ static bool is_metric(const tsuya_report *report)
 static void write_chips(tsuya_report *report)
 {
     tsuya_html_raw(&report->html, "<div class=\"chips\">");
-    if (report->job->camera.model) {
+    if (report->job->has_camera) {
         chip(report, "good", "calibrated camera model");
     } else if (report->job->poses) {
         chip(report, "good", "cameras and poses as given");
@@ -114,7 +114,7 @@ void tsuya_report_summary(tsuya_report *report)
     tsuya_report_open(report, "summary", "Summary", NULL);
     write_chips(report);
     write_cards(report);
-    if (!report->job->camera.model && !report->job->poses) {
+    if (!report->job->has_camera && !report->job->poses) {
         tsuya_html_raw(&report->html, "<p class=\"lead\">The camera is <b>not calibrated</b>: its focal length starts from the photographs' EXIF "
                                       "and is refined together with the positions. Shapes are right up to a slight bend; sizes are not known.</p>\n");
     }

@@ -44,6 +44,9 @@ void tsuya_stage_output(tsuya_stage_plan *plan, const char *relative_path);
 /* Where the material of the whole surface is written (arena): in the job folder, or relative to it. */
 const char *tsuya_stage_material_path(const tsuya_job *job, bool with_folder);
 
+/* The calibrated camera: given, or stage calib's; NULL where the job has none. */
+const char *tsuya_stage_camera_model(const tsuya_job *job);
+
 /* The stage functions, one file each. */
 tsuya_status tsuya_stage_capture_plan(tsuya_stage_plan *plan, const tsuya_stage_run *run);
 tsuya_status tsuya_stage_capture_run(const tsuya_stage_run *run);

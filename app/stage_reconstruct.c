@@ -11,7 +11,7 @@ static tsuya_reconstruct_options options_of(const tsuya_job *job)
     options.masks = job->masks;
     options.output = tsuya_job_path(job, "reconstruct");
     options.poses = job->poses;
-    options.camera_model = job->camera.model;
+    options.camera_model = tsuya_stage_camera_model(job);
     options.hold_out = job->hold_out.item;
     options.hold_out_count = job->hold_out.count;
     return options;
@@ -46,7 +46,7 @@ tsuya_status tsuya_stage_reconstruct_run(const tsuya_stage_run *run)
     if (!tsuya_process_available("colmap")) {
         return tsuya_fail(TSUYA_ERROR_UNAVAILABLE, "colmap: not found in PATH; on Debian: apt-get install colmap");
     }
-    if (!run->job->camera.model && !run->job->poses) {
+    if (!run->job->has_camera && !run->job->poses) {
         tsuya_warn("not calibrated: no camera: given, so the focal length comes from EXIF and is refined");
     }
     tsuya_reconstruct_options options = options_of(run->job);
