@@ -216,6 +216,15 @@ done:
     return status;
 }
 
+/* What the render stage measured on the photographs that were held out. */
+static void rerender_error(tsuya_json *figures, const tsuya_json *render)
+{
+    const tsuya_json *de00 = tsuya_json_member(tsuya_json_member(tsuya_json_member(render, "like"), "hold_out"), "de00");
+    tsuya_json *pair = tsuya_json_set_object(figures, "rerender_de00");
+    tsuya_json_set_number(pair, "median", tsuya_json_number_or(tsuya_json_member(de00, "median"), NAN));
+    tsuya_json_set_number(pair, "p95", tsuya_json_number_or(tsuya_json_member(de00, "p95"), NAN));
+}
+
 static tsuya_status load(comparison *c, const tsuya_job *job, const char *truth_folder)
 {
     const char *sparse = tsuya_job_path(job, "reconstruct/sparse/0"), *mesh = tsuya_job_path(job, "weave/weave.ply");
@@ -241,7 +250,7 @@ tsuya_status tsuya_truth_compare(tsuya_json *figures, const tsuya_job *job, cons
     const tsuya_json *reconstruct = tsuya_json_member(tsuya_state_record(state, "reconstruct"), "figures");
     double gsd_job;
     tsuya_status status;
-    TSUYA_GOTO_DONE(status, tsuya_json_get_number(&gsd_job, reconstruct, "gsd_m"));
+    TSUYA_GOTO_DONE(status, tsuya_json_get_number(&gsd_job, reconstruct, "gsd_units"));
     TSUYA_GOTO_DONE(status, load(&c, job, truth_folder));
     TSUYA_GOTO_DONE(status, align(&c, figures, gsd_job));
     move_mesh(&c);
@@ -249,7 +258,7 @@ tsuya_status tsuya_truth_compare(tsuya_json *figures, const tsuya_job *job, cons
     TSUYA_GOTO_DONE(status, completeness(&c, figures));
     TSUYA_GOTO_DONE(status, weft_error(&c, figures));
     set_null_pair(figures, "brdf_cbrt", "table", "photos");
-    set_null_pair(figures, "rerender_de00", "median", "p95");
+    rerender_error(figures, tsuya_json_member(tsuya_state_record(state, "render"), "figures"));
 done:
     tsuya_sparse_model_free(&c.model);
     tsuya_sparse_model_free(&c.true_model);

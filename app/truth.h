@@ -13,7 +13,8 @@
  *   camera_center_gsd  rms over the photographs
  *   surface_gsd        vertices of the result to the true surface
  *   completeness       share of the true surface, seen by three photographs or more, within 2 GSD of the result
- *   weft_deg           angle to the true weft where the field has confidence */
+ *   weft_deg           angle to the true weft where the field has confidence
+ *   rerender_de00      as the render stage measured it on the photographs of hold_out */
 TSUYA_MUST_CHECK tsuya_status tsuya_truth_compare(tsuya_json *figures, const tsuya_job *job, const tsuya_state *state,
                                                   const char *truth_folder, const tsuya_context *context);
 
