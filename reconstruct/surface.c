@@ -3,6 +3,7 @@
 #include "core/memory.h"
 #include "reconstruct/cloud_clean.h"
 #include "reconstruct/mesh_distance.h"
+#include "reconstruct/mesh_refine.h"
 #include "reconstruct/mesh_topology.h"
 #include "reconstruct/meshopt_adapter.h"
 #include "reconstruct/pcl_adapter.h"
@@ -21,6 +22,7 @@ tsuya_surface_options tsuya_surface_options_default(void)
 {
     return (tsuya_surface_options){
         .outlier_sigmas = 3.0, .trim_spacings = 1.0, .bridge_spacings = 5.0, .island_fraction = 0.01, .smoothing = 2,
+        .color_spacings = 6.0,
     };
 }
 
@@ -30,10 +32,11 @@ static tsuya_status check_options(const tsuya_surface_options *o)
         return tsuya_fail(TSUYA_ERROR_INPUT, "surface: tolerance %g, thin %g, min_evidence %g: finite ones are accepted, the last "
                           "two from 0", o->tolerance, o->thin, o->min_evidence);
     }
-    if (!(o->trim_spacings > 0.0) || !(o->bridge_spacings >= 0.0) || !(o->close_holes >= 0.0) || !(o->outlier_sigmas >= 0.0)) {
-        return tsuya_fail(TSUYA_ERROR_INPUT, "surface: trim_spacings %g must be above 0; bridge_spacings %g, close_holes %g and "
-                          "outlier_sigmas %g not below", o->trim_spacings, o->bridge_spacings, o->close_holes,
-                          o->outlier_sigmas);
+    if (!(o->trim_spacings > 0.0) || !(o->bridge_spacings >= 0.0) || !(o->close_holes >= 0.0) || !(o->outlier_sigmas >= 0.0) ||
+        !(o->color_spacings >= 0.0)) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "surface: trim_spacings %g must be above 0; bridge_spacings %g, close_holes %g, "
+                          "outlier_sigmas %g and color_spacings %g not below", o->trim_spacings, o->bridge_spacings,
+                          o->close_holes, o->outlier_sigmas, o->color_spacings);
     }
     if (!(o->island_fraction >= 0.0 && o->island_fraction <= 1.0) || o->smoothing < 0 || o->smoothing > 100) {
         return tsuya_fail(TSUYA_ERROR_INPUT, "surface: island_fraction %g must lie in 0 to 1 and smoothing %d in 0 to 100",
@@ -265,6 +268,9 @@ static tsuya_status finish(tsuya_mesh *mesh, tsuya_surface_info *info, const tsu
     info->bridged_fraction = bridged_fraction(mesh); /* before triangles become large */
     if (info->tolerance > 0.0) {
         TSUYA_TRY(decimate(mesh, info, context));
+        if (mesh->color && options->color_spacings > 0.0) {
+            TSUYA_TRY(tsuya_mesh_refine(mesh, options->color_spacings * info->spacing));
+        }
     }
     TSUYA_TRY(distance_statistics(share, value, &largest, mesh, points, context));
     info->residual_median = value[0];

@@ -21,6 +21,8 @@ typedef struct tsuya_surface_options {
     double bridge_spacings;
     double close_holes;     /* holes are closed whose places all lie within this distance of a point, unit of the cloud */
     double island_fraction; /* parts of less than this share of the largest part's area are dropped */
+    double color_spacings;  /* a coloured mesh has no edge longer than so many spacings, since it carries its colours at
+                             * its vertices; 0: the tolerance alone decides */
     int smoothing;          /* iterations */
     int depth;              /* of the octree, 4 to 12; 0: cells of about one spacing (or of the tolerance, if that is coarser) */
     const char *masks_workspace; /* COLMAP's dense folder: points outside the masks' visual hull are dropped; NULL: not */
