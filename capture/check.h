@@ -38,6 +38,7 @@ typedef struct tsuya_check {
     int count, again;
     double blur_px, focal_mm;   /* of the session: median of the worst directions; most common, 0 where EXIF has none */
     int width_px, height_px;    /* most common size */
+    int shared;                 /* median of the photographs' strongest: how well the session hangs together */
     double seconds;
 } tsuya_check;
 

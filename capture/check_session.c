@@ -11,6 +11,9 @@
 #include <string.h>
 
 enum { SWEEPS = 500, WINDOW = 5, ALL_PAIRS_BELOW = 16, FEWEST_RATIOS = 10 };
+/* A photograph is called foreign only in a session that hangs together: whose usual photograph shares so many times what makes
+ * a neighbour.  Round marble taken every 20 degrees shares hardly more than chance, and says nothing. */
+enum { CLEAR = 3 };
 static const double TOLERANCE_SHARE = 0.003;   /* of the longer side: two-view geometry */
 static const double SAME_VIEW_SHARE = 0.004;   /* features of the same view move less */
 static const double SAME_VIEW_FEATURES = 0.35; /* of the fewer features of both */
@@ -191,6 +194,20 @@ done:
     return status;
 }
 
+static tsuya_status median_shared(tsuya_check *check)
+{
+    tsuya_status status = TSUYA_OK;
+    double *shared;
+    TSUYA_NEW(status, shared, (size_t)check->count);
+    for (int i = 0; i < check->count; i++) {
+        shared[i] = check->photo[i].strongest;
+    }
+    check->shared = check->count > 0 ? (int)median_of(shared, check->count) : 0;
+    tsuya_free(shared);
+done:
+    return status;
+}
+
 tsuya_status tsuya_check_relations(tsuya_check *check, const tsuya_check_sight *sight, const tsuya_check_options *options,
                                    const tsuya_context *context)
 {
@@ -209,6 +226,7 @@ tsuya_status tsuya_check_relations(tsuya_check *check, const tsuya_check_sight *
             p->same_as = same && p->same_as < 0 ? j : p->same_as;
         }
     }
+    TSUYA_GOTO_DONE(status, median_shared(check));
     TSUYA_GOTO_DONE(status, set_gains(check, relations, options->shared_features));
 done:
     tsuya_free(relations);
@@ -258,7 +276,7 @@ static void judge(tsuya_check *check, tsuya_checked_photo *p, const tsuya_check_
     if (p->same_as >= 0) {
         tsuya_check_fault(p, "the same view as %.100s", check->photo[p->same_as].photo.name);
     }
-    if (p->neighbours == 0 && check->count > 2 && p->fault_count == 0) {
+    if (p->neighbours == 0 && check->count > 2 && p->fault_count == 0 && check->shared >= CLEAR * o->shared_features) {
         tsuya_check_fault(p, "shows nothing that another photograph shows: a foreign picture, or too far from its neighbours");
     }
 }

@@ -83,7 +83,8 @@ static void write_middle(tsuya_mesh *out, const tsuya_mesh_array *array, size_t 
             value[i] = (uint8_t)((value[a] + value[b] + 1) / 2);
         } else {
             float *value = tsuya_mesh_array_data(out, array);
-            value[i] = 0.5f * (value[a] + value[b]);
+            bool least = array->flag == TSUYA_MESH_EVIDENCE; /* beside what nobody saw nothing more was seen */
+            value[i] = least ? (value[a] < value[b] ? value[a] : value[b]) : 0.5f * (value[a] + value[b]);
         }
     }
     if (array->flag == TSUYA_MESH_NORMAL || array->flag == TSUYA_MESH_WEFT) {

@@ -5,8 +5,8 @@
 #include "core/mesh.h"
 
 /* Until no edge is longer than `longest` (> 0, unit of the positions).  The surface stays where it is and closed where it was;
- * new vertices get the mean of an edge's ends in every array (normals of unit length).  Old vertices keep their places and
- * numbers.  Fails where more than 2^32 − 1 vertices would be needed. */
+ * new vertices get the mean of an edge's ends (normals of unit length), of their evidence the smaller.  Old vertices keep
+ * their places and numbers.  Fails where more than 2^32 − 1 vertices would be needed. */
 TSUYA_MUST_CHECK tsuya_status tsuya_mesh_refine(tsuya_mesh *mesh, double longest);
 
 #endif

@@ -23,12 +23,13 @@ static void make_tetrahedron(tsuya_mesh *m)
 {
     static const float position[12] = {0, 0, 0, 3, 0, 0, 0, 1, 0, 0, 0, 0.4f};
     static const uint32_t triangle[12] = {0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3};
-    assert_ok(tsuya_mesh_create(m, 4, 4, TSUYA_MESH_COLOR | TSUYA_MESH_EVIDENCE | TSUYA_MESH_MATERIAL));
+    assert_ok(tsuya_mesh_create(m, 4, 4, TSUYA_MESH_COLOR | TSUYA_MESH_SIGMA | TSUYA_MESH_EVIDENCE | TSUYA_MESH_MATERIAL));
     memcpy(m->position, position, sizeof position);
     memcpy(m->triangle, triangle, sizeof triangle);
     for (size_t v = 0; v < 4; v++) {
         m->color[3 * v] = (uint8_t)(60 * v);
-        m->evidence[v] = (float)m->position[3 * v]; /* linear in x: must stay so */
+        m->sigma[v] = m->position[3 * v]; /* linear in x: must stay so */
+        m->evidence[v] = v == 1 ? 5.0f : 0.0f; /* seen at one corner only */
         m->material[v] = 2;
     }
     assert_ok(tsuya_mesh_compute_normals(m));
@@ -52,7 +53,8 @@ static void test_surface_stays_closed_and_in_place(void **state)
     assert_int_equal(m.vertex_count - 3 * m.triangle_count / 2 + m.triangle_count, 2); /* Euler */
     for (size_t v = 0; v < m.vertex_count; v++) {
         const float *n = m.normal + 3 * v;
-        assert_true(fabs((double)(m.evidence[v] - m.position[3 * v])) < 1e-5);
+        assert_true(fabs((double)(m.sigma[v] - m.position[3 * v])) < 1e-5);
+        assert_true(m.evidence[v] == (v == 1 ? 5.0f : 0.0f));
         assert_true(fabs((double)(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]) - 1.0) < 1e-5);
         assert_int_equal(m.material[v], 2);
     }

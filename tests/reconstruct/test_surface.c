@@ -12,11 +12,19 @@ static tsuya_context context_of(int threads)
     return context;
 }
 
+/* Without the splitting of long edges: what is held against shapes here are the vertices that the decimation left. */
+static tsuya_surface_options geometry_options(void)
+{
+    tsuya_surface_options options = tsuya_surface_options_default();
+    options.color_spacings = 0.0;
+    return options;
+}
+
 static tsuya_status surface_of(tsuya_mesh *mesh, tsuya_surface_info *info, const tsuya_mesh *cloud,
                                const tsuya_surface_options *options, int threads)
 {
     tsuya_context context = context_of(threads);
-    tsuya_surface_options plain = tsuya_surface_options_default();
+    tsuya_surface_options plain = geometry_options();
     return tsuya_surface_make(mesh, info, cloud, options ? options : &plain, &context);
 }
 
@@ -78,6 +86,28 @@ static void a_sphere_comes_back_closed(void **state)
         assert_true(fabsf(mesh.evidence[v] - 4.0f) < 1e-3f && fabsf(mesh.sigma[v] - 0.001f) < 1e-6f);
         assert_int_equal(mesh.color[3 * v], 200);
     }
+    tsuya_mesh_free(&mesh);
+    tsuya_mesh_free(&cloud);
+}
+
+/* The same cloud with what a job uses: no edge so long that colours between its ends are lost, and still closed. */
+static void a_coloured_mesh_keeps_short_edges(void **state)
+{
+    (void)state;
+    tsuya_mesh cloud, mesh;
+    tsuya_surface_info info;
+    tsuya_surface_options options = tsuya_surface_options_default();
+    double longest = 0.0;
+    assert_ok(cloud_sphere(&cloud, 6000, 0.0));
+    options.tolerance = 0.05; /* of a radius of 1: large triangles */
+    assert_ok(surface_of(&mesh, &info, &cloud, &options, 2));
+    check_whole(&mesh, &info);
+    for (size_t i = 0; i < 3 * mesh.triangle_count; i++) {
+        uint32_t a = mesh.triangle[i], b = mesh.triangle[i % 3 == 2 ? i - 2 : i + 1];
+        longest = fmax(longest, tsuya_vec3_norm(tsuya_vec3_sub(tsuya_mesh_position(&mesh, a), tsuya_mesh_position(&mesh, b))));
+    }
+    assert_true(longest <= options.color_spacings * info.spacing);
+    assert_int_equal(info.boundary_edges, 0);
     tsuya_mesh_free(&mesh);
     tsuya_mesh_free(&cloud);
 }
@@ -261,7 +291,7 @@ static void creases_are_bridged_and_wide_holes_stay(void **state)
     assert_ok(surface_of(&mesh, &info, &cloud, NULL, 2));
     double over_hole = covered(&mesh, wide_hole, &measured);
     tsuya_mesh_free(&mesh);
-    tsuya_surface_options options = tsuya_surface_options_default();
+    tsuya_surface_options options = geometry_options();
     options.close_holes = 20.0 / 80;
     assert_ok(surface_of(&mesh, &info, &cloud, &options, 2));
     double closed = covered(&mesh, wide_hole, &measured);
@@ -300,7 +330,7 @@ static void thinning_keeps_the_surface(void **state)
     tsuya_mesh cloud, mesh;
     tsuya_surface_info info;
     double p95, most;
-    tsuya_surface_options options = tsuya_surface_options_default();
+    tsuya_surface_options options = geometry_options();
     options.thin = 0.08;
     assert_ok(cloud_sphere(&cloud, 12000, 0.01));
     assert_ok(surface_of(&mesh, &info, &cloud, &options, 2));
@@ -378,7 +408,7 @@ static void clouds_that_hold_no_surface_are_refused(void **state)
     tsuya_mesh_free(&mesh);
     tsuya_mesh_free(&cloud);
 
-    tsuya_surface_options options = tsuya_surface_options_default();
+    tsuya_surface_options options = geometry_options();
     options.depth = 99;
     assert_ok(cloud_sphere(&cloud, 100, 0.0));
     assert_fails(surface_of(&mesh, &info, &cloud, &options, 1), "depth 99");
@@ -409,7 +439,7 @@ static void every_allocation_may_fail(void **state)
     (void)state;
     tsuya_mesh cloud, mesh;
     tsuya_surface_info info;
-    tsuya_surface_options options = tsuya_surface_options_default();
+    tsuya_surface_options options = geometry_options();
     options.depth = 4;
     assert_ok(cloud_sphere(&cloud, 200, 0.0));
     tsuya_memory_fail_at(0);
@@ -429,6 +459,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_sphere_comes_back_closed),
+        cmocka_unit_test(a_coloured_mesh_keeps_short_edges),
         cmocka_unit_test(noise_outliers_and_duplicates_do_little_harm),
         cmocka_unit_test(an_open_sheet_keeps_its_hem),
         cmocka_unit_test(thin_layers_do_not_fuse),
