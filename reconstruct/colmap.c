@@ -194,18 +194,17 @@ done:
     return status;
 }
 
-tsuya_status tsuya_colmap_match(tsuya_colmap *colmap, const char *pair_list, bool guided)
+tsuya_status tsuya_colmap_verify(tsuya_colmap *colmap, const char *match_list)
 {
     char *help = NULL;
     command *c = tsuya_calloc(1, sizeof *c);
-    tsuya_status status = c ? begin(c, colmap, "matches_importer", "matching", &help) : TSUYA_ERROR_MEMORY;
+    tsuya_status status = c ? begin(c, colmap, "matches_importer", "verification", &help) : TSUYA_ERROR_MEMORY;
     if (status == TSUYA_OK) {
         set_path(c, "--database_path", "database.db");
-        set(c, "--match_list_path", pair_list);
-        set(c, "--match_type", "pairs");
+        set(c, "--match_list_path", match_list);
+        set(c, "--match_type", "raw");
         set(c, "--SiftMatching.use_gpu", "0");
-        set_if_known(c, "--SiftMatching.guided_matching", guided ? "1" : "0");
-        set_threads(c, "--SiftMatching.num_threads");
+        set_if_known(c, "--SiftMatching.num_threads", "1");
         status = finish(c);
     }
     tsuya_free(help);

@@ -22,8 +22,8 @@ TSUYA_MUST_CHECK tsuya_status tsuya_colmap_create(tsuya_colmap *colmap, const ch
 /* database.db anew, with the features of every photograph and one shared camera.  `masks`: folder of NAME.jpg.png or NULL.
  * `camera`: intrinsics that are known, or NULL (focal length from EXIF, `lens` refined later). */
 TSUYA_MUST_CHECK tsuya_status tsuya_colmap_features(tsuya_colmap *colmap, const char *masks, const tsuya_camera *camera, tsuya_lens lens);
-/* Matches and verifies the pairs of a list; what is in the database stays. */
-TSUYA_MUST_CHECK tsuya_status tsuya_colmap_match(tsuya_colmap *colmap, const char *pair_list, bool guided);
+/* Verifies a list of raw matches (two names, pairs of indices, an empty line); what is in the database stays. */
+TSUYA_MUST_CHECK tsuya_status tsuya_colmap_verify(tsuya_colmap *colmap, const char *match_list);
 /* Incremental mapping into FOLDER/OUTPUT/0, 1, …  */
 TSUYA_MUST_CHECK tsuya_status tsuya_colmap_map(tsuya_colmap *colmap, const char *output, bool fixed_intrinsics);
 /* Points for known poses: FOLDER/INPUT to FOLDER/OUTPUT. */

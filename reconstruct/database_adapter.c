@@ -147,6 +147,164 @@ tsuya_status tsuya_database_clear_matches(const char *path)
     return TSUYA_OK;
 }
 
+tsuya_status tsuya_database_sort_images(const char *path)
+{
+    static const char *const SQL =
+        "PRAGMA foreign_keys = OFF; BEGIN;"
+        "CREATE TEMP TABLE renumbered AS SELECT image_id AS old_id, ROW_NUMBER() OVER (ORDER BY name) AS new_id FROM images;"
+        "CREATE TEMP TABLE sorted_images AS SELECT * FROM images;"
+        "CREATE TEMP TABLE sorted_keypoints AS SELECT * FROM keypoints;"
+        "CREATE TEMP TABLE sorted_descriptors AS SELECT * FROM descriptors;"
+        "DELETE FROM keypoints; DELETE FROM descriptors; DELETE FROM images;"
+        "UPDATE sorted_images SET image_id = (SELECT new_id FROM renumbered WHERE old_id = image_id);"
+        "UPDATE sorted_keypoints SET image_id = (SELECT new_id FROM renumbered WHERE old_id = image_id);"
+        "UPDATE sorted_descriptors SET image_id = (SELECT new_id FROM renumbered WHERE old_id = image_id);"
+        "INSERT INTO images SELECT * FROM sorted_images ORDER BY image_id;"
+        "INSERT INTO keypoints SELECT * FROM sorted_keypoints ORDER BY image_id;"
+        "INSERT INTO descriptors SELECT * FROM sorted_descriptors ORDER BY image_id;"
+        "COMMIT;";
+    sqlite3 *base;
+    TSUYA_TRY(open_base(&base, path, SQLITE_OPEN_READWRITE));
+    if (sqlite3_exec(base, SQL, NULL, NULL, NULL) != SQLITE_OK) {
+        return fail_sqlite(base, path);
+    }
+    sqlite3_close(base);
+    return TSUYA_OK;
+}
+
+/* One row of the statement, whose first column is a number of rows, the second of columns, the third a blob. */
+static tsuya_status read_matrix(void **out, int *rows, int *columns, size_t size, sqlite3 *base, const char *path, const char *table, uint32_t id)
+{
+    char sql[128];
+    sqlite3_stmt *query = NULL;
+    tsuya_status status = TSUYA_OK;
+    *out = NULL;
+    *rows = *columns = 0;
+    snprintf(sql, sizeof sql, "SELECT rows, cols, data FROM %s WHERE image_id = %u", table, id);
+    if (sqlite3_prepare_v2(base, sql, -1, &query, NULL) != SQLITE_OK) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: not COLMAP's database: %s", path, sqlite3_errmsg(base));
+    }
+    if (sqlite3_step(query) == SQLITE_ROW && sqlite3_column_int(query, 0) > 0) {
+        *rows = sqlite3_column_int(query, 0);
+        *columns = sqlite3_column_int(query, 1);
+        const void *data = sqlite3_column_blob(query, 2);
+        size_t bytes = (size_t)sqlite3_column_bytes(query, 2);
+        if (*columns < 2 || *columns > 256 || bytes != (size_t)*rows * (size_t)*columns * size) {
+            status = tsuya_fail(TSUYA_ERROR_INPUT, "%s: %s of image %u are damaged: %d x %d values in %zu bytes", path, table, id, *rows, *columns, bytes);
+        } else {
+            *out = tsuya_realloc(NULL, bytes, 1);
+            status = *out ? TSUYA_OK : TSUYA_ERROR_MEMORY;
+        }
+        if (*out) {
+            memcpy(*out, data, bytes);
+        }
+    }
+    sqlite3_finalize(query);
+    return status;
+}
+
+tsuya_status tsuya_sift_load(tsuya_sift *features, const char *path, uint32_t image_id)
+{
+    sqlite3 *base;
+    void *keypoint = NULL, *descriptor = NULL;
+    int rows, columns, described, length;
+    *features = (tsuya_sift){0};
+    TSUYA_TRY(open_base(&base, path, SQLITE_OPEN_READONLY));
+    tsuya_status status = read_matrix(&keypoint, &rows, &columns, sizeof(float), base, path, "keypoints", image_id);
+    if (status == TSUYA_OK) {
+        status = read_matrix(&descriptor, &described, &length, 1, base, path, "descriptors", image_id);
+    }
+    sqlite3_close(base);
+    if (status == TSUYA_OK && (rows != described || (rows > 0 && length != TSUYA_DESCRIPTOR_LENGTH))) {
+        status = tsuya_fail(TSUYA_ERROR_INPUT, "%s: image %u has %d keypoints and %d descriptors of length %d; expected as many, of length %d", path,
+                            image_id, rows, described, length, TSUYA_DESCRIPTOR_LENGTH);
+    }
+    if (status == TSUYA_OK && rows > 0) {
+        features->position = tsuya_calloc((size_t)rows, sizeof *features->position);
+        status = features->position ? TSUYA_OK : TSUYA_ERROR_MEMORY;
+    }
+    for (int i = 0; status == TSUYA_OK && i < rows; i++) {
+        const float *k = (const float *)keypoint + (size_t)i * (size_t)columns;
+        features->position[i] = (tsuya_sift_position){k[0], k[1]};
+    }
+    tsuya_free(keypoint);
+    features->descriptor = descriptor;
+    features->count = rows;
+    if (status != TSUYA_OK) {
+        tsuya_sift_free(features);
+    }
+    return status;
+}
+
+void tsuya_sift_free(tsuya_sift *features)
+{
+    tsuya_free(features->position);
+    tsuya_free(features->descriptor);
+    *features = (tsuya_sift){0};
+}
+
+static int64_t pair_id(uint32_t image_a, uint32_t image_b)
+{
+    return (int64_t)image_a * LARGEST_IMAGE_ID + (int64_t)image_b;
+}
+
+static void read_nine(double nine[9], sqlite3_stmt *query, int column)
+{
+    const void *data = sqlite3_column_blob(query, column);
+    if (data && sqlite3_column_bytes(query, column) == 9 * (int)sizeof(double)) {
+        memcpy(nine, data, 9 * sizeof(double));
+    }
+}
+
+tsuya_status tsuya_two_view_load(tsuya_two_view *pair, const char *path, uint32_t image_a, uint32_t image_b)
+{
+    sqlite3 *base;
+    sqlite3_stmt *query = NULL;
+    *pair = (tsuya_two_view){.image_a = image_a, .image_b = image_b};
+    TSUYA_TRY(open_base(&base, path, SQLITE_OPEN_READONLY));
+    if (sqlite3_prepare_v2(base, "SELECT rows, config, F, E, H FROM two_view_geometries WHERE pair_id = ?1 AND rows > 0", -1, &query, NULL) != SQLITE_OK) {
+        return fail_sqlite(base, path);
+    }
+    sqlite3_bind_int64(query, 1, pair_id(image_a, image_b));
+    if (sqlite3_step(query) == SQLITE_ROW) {
+        pair->match_count = sqlite3_column_int(query, 0);
+        pair->kind = sqlite3_column_int(query, 1);
+        read_nine(pair->fundamental, query, 2);
+        read_nine(pair->essential, query, 3);
+        read_nine(pair->homography, query, 4);
+    }
+    sqlite3_finalize(query);
+    sqlite3_close(base);
+    return TSUYA_OK;
+}
+
+tsuya_status tsuya_two_views_save(const char *path, const tsuya_two_view *pair, int count)
+{
+    sqlite3 *base;
+    sqlite3_stmt *query = NULL;
+    TSUYA_TRY(open_base(&base, path, SQLITE_OPEN_READWRITE));
+    bool fine = sqlite3_exec(base, "BEGIN", NULL, NULL, NULL) == SQLITE_OK &&
+                sqlite3_prepare_v2(base, "INSERT OR REPLACE INTO two_view_geometries (pair_id, rows, cols, data, config, F, E, H) "
+                                         "VALUES (?1, ?2, 2, ?3, ?4, ?5, ?6, ?7)", -1, &query, NULL) == SQLITE_OK;
+    for (int i = 0; fine && i < count; i++) {
+        const tsuya_two_view *p = &pair[i];
+        sqlite3_bind_int64(query, 1, pair_id(p->image_a, p->image_b));
+        sqlite3_bind_int(query, 2, p->match_count);
+        sqlite3_bind_blob(query, 3, p->match, p->match_count * (int)sizeof *p->match, SQLITE_STATIC);
+        sqlite3_bind_int(query, 4, p->kind);
+        sqlite3_bind_blob(query, 5, p->fundamental, sizeof p->fundamental, SQLITE_STATIC);
+        sqlite3_bind_blob(query, 6, p->essential, sizeof p->essential, SQLITE_STATIC);
+        sqlite3_bind_blob(query, 7, p->homography, sizeof p->homography, SQLITE_STATIC);
+        fine = sqlite3_step(query) == SQLITE_DONE && sqlite3_reset(query) == SQLITE_OK;
+    }
+    sqlite3_finalize(query);
+    if (!fine || sqlite3_exec(base, "COMMIT", NULL, NULL, NULL) != SQLITE_OK) {
+        return fail_sqlite(base, path);
+    }
+    sqlite3_close(base);
+    return TSUYA_OK;
+}
+
 /* Runs a statement whose ?1 … are the camera's model, width, height, parameters and then two ids. */
 static tsuya_status run_camera(int64_t *last, const char *path, const char *sql, const tsuya_camera *camera, uint32_t id)
 {

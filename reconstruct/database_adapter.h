@@ -22,11 +22,54 @@ typedef struct tsuya_database {
     int pair_count;
 } tsuya_database;
 
+enum { TSUYA_DESCRIPTOR_LENGTH = 128 };
+
+typedef struct tsuya_sift_position {
+    float x, y; /* px, the first pixel's centre at 0.5 */
+} tsuya_sift_position;
+
+/* What the photograph's features look like. */
+typedef struct tsuya_sift {
+    int count;
+    tsuya_sift_position *position;
+    uint8_t *descriptor; /* count × TSUYA_DESCRIPTOR_LENGTH */
+} tsuya_sift;
+
+typedef struct tsuya_match {
+    uint32_t a, b; /* indices of features */
+} tsuya_match;
+
+/* COLMAP's kinds of two-view geometry (estimators/two_view_geometry.h). */
+typedef enum tsuya_two_view_kind {
+    TSUYA_TWO_VIEW_CALIBRATED = 2,
+    TSUYA_TWO_VIEW_UNCALIBRATED = 3,
+    TSUYA_TWO_VIEW_PLANAR = 4,
+    TSUYA_TWO_VIEW_PANORAMIC = 5,
+    TSUYA_TWO_VIEW_PLANAR_OR_PANORAMIC = 6,
+} tsuya_two_view_kind;
+
+/* The verified matches of a pair of images, image_a < image_b. */
+typedef struct tsuya_two_view {
+    uint32_t image_a, image_b;
+    int kind; /* 0: none */
+    double fundamental[9], essential[9], homography[9]; /* row by row, b from a */
+    tsuya_match *match; /* the caller's when saved; not read back */
+    int match_count;
+} tsuya_two_view;
+
 /* Images, their numbers of features, and the verified pairs. */
 TSUYA_MUST_CHECK tsuya_status tsuya_database_load(tsuya_database *database, const char *path);
 void tsuya_database_free(tsuya_database *database);
 /* Forgets every match, so that matching starts afresh. */
 TSUYA_MUST_CHECK tsuya_status tsuya_database_clear_matches(const char *path);
+/* Numbers the images in the order of their names: COLMAP numbers them in the order in which its threads end. */
+TSUYA_MUST_CHECK tsuya_status tsuya_database_sort_images(const char *path);
+TSUYA_MUST_CHECK tsuya_status tsuya_sift_load(tsuya_sift *features, const char *path, uint32_t image_id);
+void tsuya_sift_free(tsuya_sift *features);
+/* kind 0 where the pair is not verified. */
+TSUYA_MUST_CHECK tsuya_status tsuya_two_view_load(tsuya_two_view *pair, const char *path, uint32_t image_a, uint32_t image_b);
+/* Writes or overwrites the verified matches; all of them or none. */
+TSUYA_MUST_CHECK tsuya_status tsuya_two_views_save(const char *path, const tsuya_two_view *pair, int count);
 /* Writes a camera's model and parameters over those of `camera_id` and trusts its focal length. */
 TSUYA_MUST_CHECK tsuya_status tsuya_database_set_camera(const char *path, uint32_t camera_id, const tsuya_camera *camera);
 /* A further camera; its id in *camera_id. */

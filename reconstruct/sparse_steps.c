@@ -1,7 +1,7 @@
 #include "reconstruct/sparse_steps.h"
 
 #include "reconstruct/database_adapter.h"
-#include "reconstruct/pairs.h"
+#include "reconstruct/match_steps.h"
 #include "reconstruct/undistort.h"
 
 #include <errno.h>
@@ -11,17 +11,13 @@
 
 /* From so many photographs of one lens on, COLMAP refines tangential distortion too. */
 enum { ENOUGH_FOR_OPENCV = 10 };
-/* Matching again along the epipolar lines finds twice the inliers between views far apart, in a time that grows with the
- * square of the features (0.1 s a pair at 1000, 7 s at 8000): done where photographs have few, which is where it is needed. */
-enum { GUIDED_FEATURES_MOST = 4000 };
-
 const char *tsuya_reconstruction_path(const tsuya_reconstruction *r, const char *name)
 {
     const char *path = tsuya_arena_printf(r->arena, "%s/%s", r->options->output, name);
     return path ? path : "";
 }
 
-static tsuya_status end_step(tsuya_reconstruction *r, const tsuya_json *figures)
+tsuya_status tsuya_reconstruction_end_step(tsuya_reconstruction *r, const tsuya_json *figures)
 {
     r->steps.child_mb = r->colmap.peak_mb;
     r->colmap.peak_mb = 0.0;
@@ -66,10 +62,71 @@ static tsuya_status load_intrinsics(tsuya_camera *camera, const tsuya_reconstruc
     return TSUYA_OK;
 }
 
+/* The given model with the database's ids and no points; its lenses written into the database. */
+static tsuya_status adopt_poses(tsuya_reconstruction *r, const char *output)
+{
+    const char *base = tsuya_reconstruction_path(r, "database.db");
+    tsuya_sparse_model model = {0};
+    tsuya_database database = {0};
+    tsuya_status status;
+    TSUYA_GOTO_DONE(status, tsuya_sparse_model_load(&model, r->options->poses));
+    TSUYA_GOTO_DONE(status, tsuya_database_load(&database, base));
+    for (int c = 0; c < model.camera_count; c++) {
+        if (c == 0 && database.image_count > 0) {
+            model.camera_id[c] = database.image[0].camera_id;
+            TSUYA_GOTO_DONE(status, tsuya_database_set_camera(base, model.camera_id[c], &model.camera[c]));
+        } else {
+            TSUYA_GOTO_DONE(status, tsuya_database_add_camera(&model.camera_id[c], base, &model.camera[c]));
+        }
+    }
+    int kept = 0;
+    for (int v = 0; v < model.view_count; v++) {
+        tsuya_view *view = &model.view[v];
+        int found = -1;
+        for (int i = 0; i < database.image_count; i++) {
+            found = strcmp(database.image[i].name, view->name) == 0 ? i : found;
+        }
+        const tsuya_camera *camera = &model.camera[view->camera];
+        if (found >= 0 && (camera->width_px != r->photos.photo[0].width_px || camera->height_px != r->photos.photo[0].height_px)) {
+            status = tsuya_fail(TSUYA_ERROR_INPUT, "%s: the camera of %s is for %d x %d pixels, the photograph has %d x %d", r->options->poses, view->name,
+                                camera->width_px, camera->height_px, r->photos.photo[0].width_px, r->photos.photo[0].height_px);
+            goto done;
+        }
+        tsuya_free(view->observation);
+        view->observation = NULL;
+        view->observation_count = 0;
+        if (found < 0) {
+            tsuya_warn("%s: its photograph %s does not exist and is passed over", r->options->poses, view->name);
+            tsuya_free(view->name);
+            *view = (tsuya_view){0};
+            continue;
+        }
+        view->image_id = database.image[found].image_id;
+        view->camera_id = model.camera_id[view->camera];
+        if (view->camera > 0) {
+            TSUYA_GOTO_DONE(status, tsuya_database_assign_camera(base, view->image_id, view->camera_id));
+        }
+        tsuya_view moved = *view;
+        *view = (tsuya_view){0}; /* whatever fails later frees it once */
+        model.view[kept++] = moved;
+    }
+    model.view_count = kept;
+    for (size_t i = 0; i < model.point_count; i++) {
+        tsuya_free(model.point[i].track);
+    }
+    model.point_count = 0;
+    status = kept < 3 ? tsuya_fail(TSUYA_ERROR_INPUT, "%s: has poses for %d of the photographs; at least 3 are needed", r->options->poses, kept)
+                      : tsuya_sparse_model_save_binary(&model, output);
+done:
+    tsuya_sparse_model_free(&model);
+    tsuya_database_free(&database);
+    return status;
+}
+
 static tsuya_status features(tsuya_reconstruction *r)
 {
     tsuya_lens lens = r->photos.count >= ENOUGH_FOR_OPENCV ? TSUYA_LENS_OPENCV4 : TSUYA_LENS_SIMPLE_RADIAL;
-    if (tsuya_step_begin(&r->steps, "features", lens == TSUYA_LENS_OPENCV4 ? "opencv4" : "simple_radial", tsuya_reconstruction_path(r, "database.db"))) {
+    if (tsuya_step_begin(&r->steps, "features", lens == TSUYA_LENS_OPENCV4 ? "opencv4, by name" : "simple_radial, by name", tsuya_reconstruction_path(r, "database.db"))) {
         return TSUYA_OK;
     }
     const char *masks;
@@ -79,58 +136,11 @@ static tsuya_status features(tsuya_reconstruction *r)
         TSUYA_TRY(load_intrinsics(&camera, r));
     }
     TSUYA_TRY(tsuya_colmap_features(&r->colmap, masks, r->options->camera_model ? &camera : NULL, lens));
-    return end_step(r, NULL);
-}
-
-/* Matches a round of pairs and counts what is verified. */
-static tsuya_status match_round(tsuya_reconstruction *r, const tsuya_pairs *pairs, tsuya_database *database)
-{
-    const char *list = tsuya_reconstruction_path(r, "pairs.txt"), *base = tsuya_reconstruction_path(r, "database.db");
-    double features = 0.0;
-    TSUYA_TRY(tsuya_pairs_save(pairs, &r->photos, list));
-    TSUYA_TRY(tsuya_database_load(database, base));
-    for (int i = 0; i < database->image_count; i++) {
-        features += (double)database->image[i].features / database->image_count;
+    TSUYA_TRY(tsuya_database_sort_images(tsuya_reconstruction_path(r, "database.db")));
+    if (r->options->poses) {
+        TSUYA_TRY(adopt_poses(r, tsuya_reconstruction_path(r, "posed")));
     }
-    tsuya_database_free(database);
-    TSUYA_TRY(tsuya_colmap_match(&r->colmap, list, features <= GUIDED_FEATURES_MOST));
-    return tsuya_database_load(database, base);
-}
-
-static tsuya_status matching(tsuya_reconstruction *r)
-{
-    tsuya_reconstruct_info *info = r->info;
-    if (!tsuya_step_begin(&r->steps, "matching", "", tsuya_reconstruction_path(r, "pairs.txt"))) {
-        tsuya_pairs_options options = tsuya_pairs_options_default();
-        tsuya_pairs pairs = {0};
-        tsuya_database database = {0};
-        tsuya_json *figures = tsuya_json_create_object();
-        int added = 0;
-        tsuya_status status;
-        TSUYA_GOTO_DONE(status, tsuya_database_clear_matches(tsuya_reconstruction_path(r, "database.db")));
-        TSUYA_GOTO_DONE(status, tsuya_pairs_create(&pairs, &r->photos, &options, r->context));
-        TSUYA_GOTO_DONE(status, match_round(r, &pairs, &database));
-        TSUYA_GOTO_DONE(status, tsuya_pairs_extend(&pairs, &added, &database, &r->photos, &options));
-        if (added > 0) {
-            tsuya_database_free(&database);
-            TSUYA_GOTO_DONE(status, match_round(r, &pairs, &database));
-        }
-        tsuya_json_set_number(figures, "pairs_matched", pairs.count);
-        tsuya_json_set_number(figures, "pairs_possible", pairs.possible);
-        tsuya_json_set_number(figures, "pairs_verified", database.pair_count);
-        tsuya_json_set_number(figures, "pairs_added_by_view_graph", added);
-        status = end_step(r, figures);
-done:
-        tsuya_pairs_free(&pairs);
-        tsuya_database_free(&database);
-        tsuya_json_free(figures);
-        TSUYA_TRY(status);
-    }
-    const tsuya_json *figures = tsuya_step_figures(&r->steps, "matching");
-    info->pairs_matched = (int)tsuya_json_number_or(tsuya_json_member(figures, "pairs_matched"), 0);
-    info->pairs_possible = (int)tsuya_json_number_or(tsuya_json_member(figures, "pairs_possible"), 0);
-    info->pairs_verified = (int)tsuya_json_number_or(tsuya_json_member(figures, "pairs_verified"), 0);
-    return TSUYA_OK;
+    return tsuya_reconstruction_end_step(r, NULL);
 }
 
 /* Says which photographs the kept model lacks. */
@@ -202,70 +212,9 @@ static tsuya_status mapping(tsuya_reconstruction *r)
     tsuya_status status;
     TSUYA_GOTO_DONE(status, explain_mapper(r, tsuya_colmap_map(&r->colmap, "mapped", r->options->camera_model != NULL)));
     TSUYA_GOTO_DONE(status, keep_largest(r, figures));
-    status = end_step(r, figures);
+    status = tsuya_reconstruction_end_step(r, figures);
 done:
     tsuya_json_free(figures);
-    return status;
-}
-
-/* The given model with the database's ids and no points; its lenses written into the database. */
-static tsuya_status adopt_poses(tsuya_reconstruction *r, const char *output)
-{
-    const char *base = tsuya_reconstruction_path(r, "database.db");
-    tsuya_sparse_model model = {0};
-    tsuya_database database = {0};
-    tsuya_status status;
-    TSUYA_GOTO_DONE(status, tsuya_sparse_model_load(&model, r->options->poses));
-    TSUYA_GOTO_DONE(status, tsuya_database_load(&database, base));
-    for (int c = 0; c < model.camera_count; c++) {
-        if (c == 0 && database.image_count > 0) {
-            model.camera_id[c] = database.image[0].camera_id;
-            TSUYA_GOTO_DONE(status, tsuya_database_set_camera(base, model.camera_id[c], &model.camera[c]));
-        } else {
-            TSUYA_GOTO_DONE(status, tsuya_database_add_camera(&model.camera_id[c], base, &model.camera[c]));
-        }
-    }
-    int kept = 0;
-    for (int v = 0; v < model.view_count; v++) {
-        tsuya_view *view = &model.view[v];
-        int found = -1;
-        for (int i = 0; i < database.image_count; i++) {
-            found = strcmp(database.image[i].name, view->name) == 0 ? i : found;
-        }
-        const tsuya_camera *camera = &model.camera[view->camera];
-        if (found >= 0 && (camera->width_px != r->photos.photo[0].width_px || camera->height_px != r->photos.photo[0].height_px)) {
-            status = tsuya_fail(TSUYA_ERROR_INPUT, "%s: the camera of %s is for %d x %d pixels, the photograph has %d x %d", r->options->poses, view->name,
-                                camera->width_px, camera->height_px, r->photos.photo[0].width_px, r->photos.photo[0].height_px);
-            goto done;
-        }
-        tsuya_free(view->observation);
-        view->observation = NULL;
-        view->observation_count = 0;
-        if (found < 0) {
-            tsuya_warn("%s: its photograph %s does not exist and is passed over", r->options->poses, view->name);
-            tsuya_free(view->name);
-            *view = (tsuya_view){0};
-            continue;
-        }
-        view->image_id = database.image[found].image_id;
-        view->camera_id = model.camera_id[view->camera];
-        if (view->camera > 0) {
-            TSUYA_GOTO_DONE(status, tsuya_database_assign_camera(base, view->image_id, view->camera_id));
-        }
-        tsuya_view moved = *view;
-        *view = (tsuya_view){0}; /* whatever fails later frees it once */
-        model.view[kept++] = moved;
-    }
-    model.view_count = kept;
-    for (size_t i = 0; i < model.point_count; i++) {
-        tsuya_free(model.point[i].track);
-    }
-    model.point_count = 0;
-    status = kept < 3 ? tsuya_fail(TSUYA_ERROR_INPUT, "%s: has poses for %d of the photographs; at least 3 are needed", r->options->poses, kept)
-                      : tsuya_sparse_model_save_binary(&model, output);
-done:
-    tsuya_sparse_model_free(&model);
-    tsuya_database_free(&database);
     return status;
 }
 
@@ -274,13 +223,12 @@ static tsuya_status triangulation(tsuya_reconstruction *r)
     if (tsuya_step_begin(&r->steps, "triangulation", "", tsuya_reconstruction_path(r, "sparse/0/points3D.bin"))) {
         return TSUYA_OK;
     }
-    TSUYA_TRY(adopt_poses(r, tsuya_reconstruction_path(r, "posed")));
     TSUYA_TRY(tsuya_colmap_triangulate(&r->colmap, "posed", "sparse/0"));
     tsuya_sparse_model model;
     TSUYA_TRY(tsuya_sparse_model_load(&model, tsuya_reconstruction_path(r, "sparse/0")));
     report_missing(r, &model, " (they have no pose)");
     tsuya_sparse_model_free(&model);
-    return end_step(r, NULL);
+    return tsuya_reconstruction_end_step(r, NULL);
 }
 
 static tsuya_status undistortion(tsuya_reconstruction *r)
@@ -299,7 +247,7 @@ static tsuya_status undistortion(tsuya_reconstruction *r)
         TSUYA_GOTO_DONE(status, tsuya_sparse_model_load(&dense, tsuya_reconstruction_path(r, "dense/sparse")));
         TSUYA_GOTO_DONE(status, tsuya_undistort_masks(workspace, &dense, &sparse, &r->photos, r->context));
     }
-    status = end_step(r, NULL);
+    status = tsuya_reconstruction_end_step(r, NULL);
 done:
     tsuya_sparse_model_free(&sparse);
     tsuya_sparse_model_free(&dense);
@@ -309,7 +257,7 @@ done:
 tsuya_status tsuya_sparse_steps(tsuya_reconstruction *r)
 {
     TSUYA_TRY(features(r));
-    TSUYA_TRY(matching(r));
+    TSUYA_TRY(tsuya_match_step(r));
     if (r->options->poses) {
         TSUYA_TRY(triangulation(r));
     } else {

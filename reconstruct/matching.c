@@ -1,0 +1,244 @@
+#include "reconstruct/matching.h"
+
+#include "core/memory.h"
+
+#include <math.h>
+#include <string.h>
+
+enum {
+    LENGTH = TSUYA_DESCRIPTOR_LENGTH,
+    ROWS = 6,    /* of a, at once in registers */
+    LANES = 16,  /* columns (features of b) in a vector */
+    CHUNK = 512, /* columns at once in the cache */
+};
+static const double MOST_ANGLE_RAD = 0.7, MOST_RATIO = 0.8;
+/* Descriptors have this length squared, up to rounding. */
+static const double LENGTH_SQUARED = 512.0 * 512.0;
+
+typedef float lanes __attribute__((vector_size(4 * LANES), aligned(4)));
+
+/* The two greatest products seen, and whose the greatest is. */
+typedef struct nearest {
+    float best, second;
+    int index;
+} nearest;
+
+static void nearest_see(nearest *n, float product, int index)
+{
+    if (product > n->best) {
+        *n = (nearest){product, n->best, index};
+    } else if (product > n->second) {
+        n->second = product;
+    }
+}
+
+static void nearest_join(nearest *n, const nearest *later)
+{
+    if (later->index >= 0) {
+        float second = later->second;
+        nearest_see(n, later->best, later->index);
+        n->second = second > n->second ? second : n->second;
+    }
+}
+
+static bool is_distinct(const nearest *n)
+{
+    if (n->index < 0) {
+        return false;
+    }
+    double best = acos(fmin(n->best / LENGTH_SQUARED, 1.0)), second = acos(fmin(fmax(n->second, 0.0) / LENGTH_SQUARED, 1.0));
+    return best <= MOST_ANGLE_RAD && best < MOST_RATIO * second;
+}
+
+/* What both sides need, laid out for the products. */
+typedef struct comparison {
+    const tsuya_sift *a, *b;
+    const tsuya_guide *guide;
+    float *column; /* [chunks of LANES features of b][LENGTH][LANES], filled up with zeros */
+    float *line;   /* Mᵀ x_b of the epipolar guide: [2][columns] */
+    float *x, *y;  /* positions in b, not a number beyond its features */
+    int columns;   /* a multiple of CHUNK */
+} comparison;
+
+__attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default"))) static void
+products(float *restrict out, const float *restrict row, const float *restrict column)
+{
+    for (int j = 0; j < CHUNK; j += LANES) {
+        lanes sum[ROWS] = {0};
+        for (int k = 0; k < LENGTH; k++) {
+            lanes c = *(const lanes *)&column[j * LENGTH + k * LANES];
+            for (int i = 0; i < ROWS; i++) {
+                sum[i] += c * row[k * ROWS + i];
+            }
+        }
+        for (int i = 0; i < ROWS; i++) {
+            *(lanes *)&out[i * CHUNK + j] = sum[i];
+        }
+    }
+}
+
+/* Products of matches the guide forbids become −1. */
+static void forbid(float *product, const comparison *job, int row, int first)
+{
+    const double *m = job->guide->matrix;
+    float ax = job->a->position[row].x, ay = job->a->position[row].y;
+    float l[3];
+    for (int i = 0; i < 3; i++) {
+        l[i] = (float)(m[3 * i] * (double)ax + m[3 * i + 1] * (double)ay + m[3 * i + 2]);
+    }
+    const float most = (float)(job->guide->most * job->guide->most), own = l[0] * l[0] + l[1] * l[1];
+    const float *x = job->x + first, *y = job->y + first, *lx = job->line + first, *ly = job->line + job->columns + first;
+    if (job->guide->kind == TSUYA_GUIDE_EPIPOLAR) {
+        for (int j = 0; j < CHUNK; j++) {
+            float off = l[0] * x[j] + l[1] * y[j] + l[2];
+            product[j] = off * off <= most * (own + lx[j] * lx[j] + ly[j] * ly[j]) ? product[j] : -1.0F;
+        }
+    } else {
+        for (int j = 0; j < CHUNK; j++) {
+            float dx = l[0] / l[2] - x[j], dy = l[1] / l[2] - y[j];
+            product[j] = dx * dx + dy * dy <= most ? product[j] : -1.0F;
+        }
+    }
+}
+
+/* Rows [row, row + ROWS) of a against one chunk of b. */
+static void compare_chunk(nearest *in_a, nearest *in_b, const float *packed, const comparison *job, int row, int chunk, int last_row)
+{
+    float product[ROWS * CHUNK];
+    int end = job->b->count - chunk < CHUNK ? job->b->count - chunk : CHUNK;
+    products(product, packed, job->column + (size_t)chunk * LENGTH);
+    for (int i = 0; i < ROWS && row + i < last_row; i++) {
+        float *p = product + i * CHUNK;
+        if (job->guide) {
+            forbid(p, job, row + i, chunk);
+        }
+        for (int j = 0; j < end; j++) {
+            if (p[j] > in_a[row + i].second) {
+                nearest_see(&in_a[row + i], p[j], chunk + j);
+            }
+            if (p[j] > in_b[chunk + j].second) {
+                nearest_see(&in_b[chunk + j], p[j], row + i);
+            }
+        }
+    }
+}
+
+static void compare_rows(nearest *in_a, nearest *in_b, const comparison *job, int first, int last)
+{
+    for (int chunk = 0; chunk < job->columns; chunk += CHUNK) {
+        for (int row = first; row < last; row += ROWS) {
+            float packed[ROWS * LENGTH] = {0};
+            for (int i = 0; i < ROWS && row + i < last; i++) {
+                for (int k = 0; k < LENGTH; k++) {
+                    packed[k * ROWS + i] = job->a->descriptor[(size_t)(row + i) * LENGTH + (size_t)k];
+                }
+            }
+            compare_chunk(in_a, in_b, packed, job, row, chunk, last);
+        }
+    }
+}
+
+static tsuya_status job_create(comparison *job, const tsuya_sift *a, const tsuya_sift *b, const tsuya_guide *guide)
+{
+    int columns = (b->count + CHUNK - 1) / CHUNK * CHUNK;
+    *job = (comparison){.a = a, .b = b, .guide = guide && guide->kind != TSUYA_GUIDE_NONE ? guide : NULL, .columns = columns};
+    job->column = tsuya_calloc((size_t)columns * LENGTH, sizeof *job->column);
+    job->x = tsuya_calloc((size_t)columns * 4, sizeof *job->x);
+    if (!job->column || !job->x) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    job->y = job->x + columns;
+    job->line = job->y + columns;
+    for (int j = 0; j < columns; j++) {
+        bool real = j < b->count;
+        job->x[j] = real ? b->position[j].x : NAN;
+        job->y[j] = real ? b->position[j].y : NAN;
+        for (int k = 0; real && k < LENGTH; k++) {
+            job->column[(size_t)(j / LANES * LANES) * LENGTH + (size_t)(k * LANES + j % LANES)] = b->descriptor[(size_t)j * LENGTH + (size_t)k];
+        }
+        for (int i = 0; job->guide && i < 2; i++) {
+            const double *m = guide->matrix;
+            job->line[i * columns + j] = (float)(m[i] * (double)job->x[j] + m[3 + i] * (double)job->y[j] + m[6 + i]);
+        }
+    }
+    return TSUYA_OK;
+}
+
+static void job_free(comparison *job)
+{
+    tsuya_free(job->column);
+    tsuya_free(job->x);
+}
+
+static void clear(nearest *n, size_t count)
+{
+    for (size_t i = 0; i < count; i++) {
+        n[i] = (nearest){-1.0F, -1.0F, -1};
+    }
+}
+
+tsuya_status tsuya_match_features(tsuya_match **match, int *count, const tsuya_sift *a, const tsuya_sift *b,
+                                  const tsuya_guide *guide, int threads)
+{
+    *match = NULL;
+    *count = 0;
+    if (a->count == 0 || b->count == 0) {
+        return TSUYA_OK;
+    }
+    comparison job;
+    nearest *in_a = tsuya_calloc((size_t)a->count, sizeof *in_a);
+    nearest *in_b = tsuya_calloc((size_t)b->count * (size_t)threads, sizeof *in_b);
+    *match = tsuya_calloc((size_t)a->count, sizeof **match);
+    tsuya_status status = job_create(&job, a, b, guide);
+    status = in_a && in_b && *match ? status : TSUYA_ERROR_MEMORY;
+    if (status == TSUYA_OK) {
+        clear(in_a, (size_t)a->count);
+        clear(in_b, (size_t)b->count * (size_t)threads);
+#pragma omp parallel for schedule(static, 1) num_threads(threads)
+        for (int t = 0; t < threads; t++) {
+            int first = (int)((int64_t)a->count * t / threads), last = (int)((int64_t)a->count * (t + 1) / threads);
+            compare_rows(in_a, in_b + (size_t)t * (size_t)b->count, &job, first, last);
+        }
+        for (int t = 1; t < threads; t++) {
+            for (int j = 0; j < b->count; j++) {
+                nearest_join(&in_b[j], &in_b[(size_t)t * (size_t)b->count + (size_t)j]);
+            }
+        }
+        for (int i = 0; i < a->count; i++) {
+            if (is_distinct(&in_a[i]) && in_b[in_a[i].index].index == i && is_distinct(&in_b[in_a[i].index])) {
+                (*match)[(*count)++] = (tsuya_match){(uint32_t)i, (uint32_t)in_a[i].index};
+            }
+        }
+    } else {
+        tsuya_free(*match);
+        *match = NULL;
+    }
+    job_free(&job);
+    tsuya_free(in_a);
+    tsuya_free(in_b);
+    return status;
+}
+
+void tsuya_sift_undistort(tsuya_sift *features, const tsuya_camera *camera)
+{
+    for (int i = 0; i < features->count; i++) {
+        tsuya_vec3 ray;
+        tsuya_sift_position *p = &features->position[i];
+        /* COLMAP puts the centre of the first pixel at 0.5 */
+        bool seen = tsuya_camera_unproject(camera, (tsuya_vec2){(double)p->x - 0.5, (double)p->y - 0.5}, &ray) && ray.z > 0.0;
+        *p = seen ? (tsuya_sift_position){(float)(ray.x / ray.z), (float)(ray.y / ray.z)} : (tsuya_sift_position){NAN, NAN};
+    }
+}
+
+tsuya_guide tsuya_guide_of_poses(tsuya_pose a_from_world, tsuya_pose b_from_world, double most)
+{
+    tsuya_pose b_from_a = tsuya_pose_compose(b_from_world, tsuya_pose_inverse(a_from_world));
+    tsuya_vec3 t = b_from_a.translation;
+    tsuya_mat3 cross = {{{0.0, -t.z, t.y}, {t.z, 0.0, -t.x}, {-t.y, t.x, 0.0}}};
+    tsuya_mat3 essential = tsuya_mat3_multiply(cross, b_from_a.rotation);
+    tsuya_guide guide = {.kind = TSUYA_GUIDE_EPIPOLAR, .most = most};
+    for (int i = 0; i < 9; i++) {
+        guide.matrix[i] = essential.e[i / 3][i % 3];
+    }
+    return guide;
+}
