@@ -8,14 +8,15 @@
 enum {
     LENGTH = TSUYA_DESCRIPTOR_LENGTH,
     ROWS = 6,    /* of a, at once in registers */
-    LANES = 16,  /* columns (features of b) in a vector */
+    LANES = 16,  /* columns (features of b) at once in registers */
+    VECTOR = 8,
     CHUNK = 512, /* columns at once in the cache */
 };
 static const double MOST_ANGLE_RAD = 0.7, MOST_RATIO = 0.8;
 /* Descriptors have this length squared, up to rounding. */
 static const double LENGTH_SQUARED = 512.0 * 512.0;
 
-typedef float lanes __attribute__((vector_size(4 * LANES), aligned(4)));
+typedef float vector __attribute__((vector_size(4 * VECTOR), aligned(4)));
 
 /* The two greatest products seen, and whose the greatest is. */
 typedef struct nearest {
@@ -60,19 +61,23 @@ typedef struct comparison {
     int columns;   /* a multiple of CHUNK */
 } comparison;
 
-__attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default"))) static void
+/* Whole numbers below 2^24: exact in any order, with or without fused multiplication. */
+__attribute__((target_clones("arch=x86-64-v3", "default"))) static void
 products(float *restrict out, const float *restrict row, const float *restrict column)
 {
     for (int j = 0; j < CHUNK; j += LANES) {
-        lanes sum[ROWS] = {0};
+        vector low[ROWS] = {0}, high[ROWS] = {0};
         for (int k = 0; k < LENGTH; k++) {
-            lanes c = *(const lanes *)&column[j * LENGTH + k * LANES];
+            const float *c = &column[j * LENGTH + k * LANES];
+            vector c_low = *(const vector *)c, c_high = *(const vector *)(c + VECTOR);
             for (int i = 0; i < ROWS; i++) {
-                sum[i] += c * row[k * ROWS + i];
+                low[i] += c_low * row[k * ROWS + i];
+                high[i] += c_high * row[k * ROWS + i];
             }
         }
         for (int i = 0; i < ROWS; i++) {
-            *(lanes *)&out[i * CHUNK + j] = sum[i];
+            *(vector *)&out[i * CHUNK + j] = low[i];
+            *(vector *)&out[i * CHUNK + j + VECTOR] = high[i];
         }
     }
 }
