@@ -226,7 +226,7 @@ tsuya_status tsuya_colmap_map(tsuya_colmap *colmap, const char *output, bool fix
     set_path(c, "--database_path", "database.db");
     set(c, "--image_path", colmap->photos);
     set(c, "--output_path", path);
-    set_threads(c, "--Mapper.num_threads");
+    set_if_known(c, "--Mapper.num_threads", "1"); /* its sums depend on the number of threads, and from run to run on their order */
     set_if_known(c, "--Mapper.min_model_size", "3");
     if (fixed_intrinsics) {
         set(c, "--Mapper.ba_refine_focal_length", "0");
@@ -258,7 +258,7 @@ tsuya_status tsuya_colmap_triangulate(tsuya_colmap *colmap, const char *input, c
     set(c, "--Mapper.ba_refine_focal_length", "0");
     set(c, "--Mapper.ba_refine_principal_point", "0");
     set(c, "--Mapper.ba_refine_extra_params", "0");
-    set_threads(c, "--Mapper.num_threads");
+    set_if_known(c, "--Mapper.num_threads", "1");
     status = finish(c);
 done:
     tsuya_free(help);

@@ -312,18 +312,6 @@ void tsuya_reconstruct_info_free(tsuya_reconstruct_info *info)
     info->parts = NULL;
 }
 
-/* Steps whose result is promised to be the same bits from run to run and for any number of threads. */
-static bool deterministic(const char *step)
-{
-    static const char *const OWN[] = {"undistortion", "stereo", "fusion", "surface", "color"};
-    for (size_t i = 0; i < sizeof OWN / sizeof OWN[0]; i++) {
-        if (strcmp(OWN[i], step) == 0) {
-            return true;
-        }
-    }
-    return false;
-}
-
 void tsuya_reconstruct_info_to_json(tsuya_json *object, const tsuya_reconstruct_info *info)
 {
     bool metric = isfinite(info->scale_m_per_unit);
@@ -363,7 +351,6 @@ void tsuya_reconstruct_info_to_json(tsuya_json *object, const tsuya_reconstruct_
         tsuya_json_set_number(entry, "seconds", step->seconds);
         tsuya_json_set_number(entry, "peak_mb", step->peak_mb);
         tsuya_json_set_bool(entry, "skipped", step->skipped);
-        tsuya_json_set_bool(entry, "deterministic", deterministic(step->name));
     }
     if (info->parts) {
         tsuya_json_set_copy(object, "parts", info->parts);

@@ -3,8 +3,8 @@
  * Writes into the output folder (JOB/reconstruct): database.db, sparse/0, dense/ (COLMAP's workspace), cloud.ply, mesh.ply,
  * reconstruct.json, steps.json, log/.  A finished step whose inputs are the same is passed over by a later run.
  *
- * COLMAP's own steps (features, matching, mapping, triangulation) are not promised to give the same bits twice; every step
- * after undistortion is, for any number of threads. */
+ * The same input gives the same bits, for any number of threads: COLMAP extracts features in all of them, but verifies,
+ * maps and triangulates in one. */
 #ifndef TSUYA_RECONSTRUCT_RECONSTRUCT_H
 #define TSUYA_RECONSTRUCT_RECONSTRUCT_H
 
