@@ -17,6 +17,8 @@ void tsuya_brdf_figures(tsuya_json *figures, const tsuya_fit_info *info)
     set_error(figures, "error_heldout_azimuth", info->heldout_azimuth);
     tsuya_json_set_number(figures, "eval_ns", info->eval_ns);
     tsuya_json_set_number(figures, "bytes", (double)info->bytes);
+    tsuya_json_set_number(figures, "reciprocity_deficit", info->reciprocity_deficit);
+    tsuya_json_set_number(figures, "furnace", info->furnace);
     tsuya_json_set_number(figures, "reciprocal_condition", info->reciprocal_condition);
     tsuya_json_set_number(figures, "seconds", info->seconds);
 }

@@ -81,7 +81,7 @@ static tsuya_status fill_row(row *r, const tsuya_samples *samples, const tsuya_s
 
 static void print_head(FILE *f, const char *gap, const compare_input *input)
 {
-    fprintf(f, "model%sfit_cbrt%stilts_cbrt%sazimuth_cbrt%sheldout_cbrt%sheldout_log%seval_ns%sbytes%sseconds", gap, gap, gap, gap, gap, gap, gap, gap);
+    fprintf(f, "model%sfit_cbrt%stilts_cbrt%sazimuth_cbrt%sheldout_cbrt%sheldout_log%seval_ns%sbytes%sseconds%sreciprocity%sfurnace", gap, gap, gap, gap, gap, gap, gap, gap, gap, gap);
     for (int k = 0; input->truth[k]; ++k) {
         fprintf(f, "%s%s", gap, tsuya_path_name(input->truth[k]));
     }
@@ -107,6 +107,8 @@ static void print_row(FILE *f, const char *gap, const row *r, int truths)
     print_number(f, gap, "%.2f", i->eval_ns);
     print_number(f, gap, "%.0f", (double)i->bytes);
     print_number(f, gap, "%.2f", i->seconds);
+    print_number(f, gap, "%.2g", i->reciprocity_deficit);
+    print_number(f, gap, "%.4f", i->furnace);
     for (int k = 0; k < truths; ++k) {
         print_number(f, gap, "%.4f", r->truth[k]);
     }

@@ -14,7 +14,7 @@ typedef struct fit_input {
 } fit_input;
 
 static const struct argp_option fit_options[] = {
-    {"model", KEY_MODEL, "MODEL", 0, "auto (default), lambert, ggx, ggx-aniso, ward, ashikhmin, yarn, ndf or nurbs3", 0},
+    {"model", KEY_MODEL, "MODEL", 0, "auto (default), lambert, ggx, ggx-aniso, ward, ashikhmin, tanaka, yarn, ndf or nurbs3", 0},
     {"tolerance", KEY_TOLERANCE, "E", 0, "auto: the cheapest model whose error on held-out samples (cube roots) is at most E; without it "
                                          "the one with the lowest", 0},
     {"name", KEY_NAME, "NAME", 0, "Name of the material (default: of the table)", 0},

@@ -4,13 +4,14 @@
 #include "brdf/fit_lobes.h"
 #include "brdf/fit_parts.h"
 #include "brdf/fit_sheen.h"
+#include "brdf/tanaka.h"
 #include "core/memory.h"
 #include "core/table.h"
 
 #include <string.h>
 
 /* In the order of their cost: bytes first, then time. */
-static const char *const model_names[] = {"auto", "lambert", "ggx", "ggx-aniso", "ward", "ashikhmin", "yarn", "ndf", "nurbs3", NULL};
+static const char *const model_names[] = {"auto", "lambert", "ggx", "ggx-aniso", "ward", "ashikhmin", "tanaka", "yarn", "ndf", "nurbs3", NULL};
 enum { FEWEST = 8 };
 
 const char *const *tsuya_fit_model_names(void) { return model_names; }
@@ -61,12 +62,14 @@ static tsuya_status fit_once(tsuya_material **material, double *reciprocal_condi
             TSUYA_TRY(tsuya_fit_guide(&t->guide, s));
         }
         TSUYA_TRY(tsuya_fit_sheen(&state, reciprocal_condition, model, t->guide, s));
+    } else if (model == &tsuya_brdf_tanaka) {
+        TSUYA_TRY(tsuya_fit_tanaka(&state, reciprocal_condition, s));
     } else {
         TSUYA_TRY(tsuya_fit_lobe(&state, diffuse, model, s));
     }
     TSUYA_TRY(tsuya_material_create(material, model, state, name, s->channel_count, channel));
     memcpy((*material)->dye, diffuse, (size_t)s->channel_count * sizeof *diffuse);
-    if (!is_sheen(model)) {
+    if (!is_sheen(model) && model != &tsuya_brdf_tanaka) {
         hold_at_one(*material);
     }
     (*material)->relative = s->relative;
@@ -186,6 +189,7 @@ static tsuya_status fit_model(tsuya_material **material, tsuya_fit_info *info, c
     tsuya_status status = error_of(&info->fit, m, w->all.samples);
     if (status == TSUYA_OK) {
         info->bytes = tsuya_material_get_info(m).bytes;
+        tsuya_material_physics(&info->reciprocity_deficit, &info->furnace, m);
         status = tsuya_material_time(&info->eval_ns, m);
     }
     info->seconds = tsuya_clock_s() - started;
@@ -210,6 +214,9 @@ static double merit(const tsuya_fit_info *i)
     return isnan(a) && isnan(b) ? i->fit.cbrt : isnan(a) ? b : isnan(b) ? a : cbrt(a * a * b);
 }
 
+/* What a scene may be lit with; tanaka seldom is. */
+static bool physical(const tsuya_fit_info *i) { return i->reciprocity_deficit <= 1e-6 && i->furnace <= 1.001; }
+
 /* The cheapest that meets the tolerance; without one, or when none does, that with the lowest held-out error. */
 static tsuya_status fit_auto(tsuya_material **material, tsuya_fit_info *info, tsuya_fit_info *candidates, int *count, work *w,
                              const tsuya_fit_options *options, const tsuya_context *context)
@@ -228,8 +235,8 @@ static tsuya_status fit_auto(tsuya_material **material, tsuya_fit_info *info, ts
         TSUYA_TRY(fit_model(&m, now, model, w, options->name));
         ++*count;
         double here = isnan(now->heldout.cbrt) ? now->fit.cbrt : now->heldout.cbrt;
-        bool meets = !isnan(options->tolerance) && here <= options->tolerance;
-        if (!*material || meets || merit(now) < merit(info)) {
+        bool meets = physical(now) && !isnan(options->tolerance) && here <= options->tolerance;
+        if (!*material || meets || (physical(now) && merit(now) < merit(info))) {
             tsuya_material_free(*material);
             *material = m;
             *info = *now;

@@ -6,7 +6,7 @@
 #include "brdf/samples.h"
 #include "core/context.h"
 
-enum { TSUYA_FIT_MODELS = 9 };
+enum { TSUYA_FIT_MODELS = 10 };
 
 typedef struct tsuya_fit_options {
     const char *name;  /* of the material */
@@ -22,6 +22,7 @@ typedef struct tsuya_fit_info {
     tsuya_brdf_error heldout_tilts, heldout_azimuth; /* NaN where the samples have too few to leave some out */
     double eval_ns; /* a direction, batched, all channels */
     size_t bytes;
+    double reciprocity_deficit, furnace; /* see tsuya_material_physics */
     double seconds, reciprocal_condition; /* NaN where no linear system was solved */
 } tsuya_fit_info;
 
@@ -35,6 +36,10 @@ TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_brdf_fit(tsuya_material **material
 
 /* Predictions of a material for the samples' directions, count × channel_count. */
 TSUYA_API void tsuya_material_predict(double *predicted, const tsuya_material *material, const tsuya_samples *samples);
+/* How far a material is from physics: Σ |f(wi, wo) − f(wo, wi)| cosθi cosθo over half the sum of both, for 4096 pairs of directions up
+ * to 80° (0: reciprocal); and the largest directional albedo over 64 directions up to 80°, integrated from the BRDF (its own table
+ * is held at 1).  Either may be NULL. */
+TSUYA_API void tsuya_material_physics(double *reciprocity_deficit, double *furnace, const tsuya_material *material);
 /* Nanoseconds a direction of batched evaluation, the best of several runs. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_material_time(double *ns, const tsuya_material *material);
 

@@ -69,7 +69,7 @@ static void copy_guide(tsuya_sheen *to, const tsuya_sheen *from)
 tsuya_status tsuya_fit_sheen(void **state, double *reciprocal_condition, const tsuya_brdf_model *model, const tsuya_sheen *guide,
                              const tsuya_samples *samples)
 {
-    tsuya_sheen_surface_options options = tsuya_sheen_surface_options_default();
+    tsuya_polar_options options = tsuya_sheen_surface_options_default();
     bool flat = model == &tsuya_brdf_ndf, deep = model == &tsuya_brdf_nurbs3;
     tsuya_fit_data data = {0};
     tsuya_sheen *s = NULL;

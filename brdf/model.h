@@ -27,7 +27,7 @@ typedef struct tsuya_brdf_model {
 } tsuya_brdf_model;
 
 extern const tsuya_brdf_model tsuya_brdf_lambert, tsuya_brdf_ggx, tsuya_brdf_ggx_aniso, tsuya_brdf_ward, tsuya_brdf_ashikhmin;
-extern const tsuya_brdf_model tsuya_brdf_yarn, tsuya_brdf_ndf, tsuya_brdf_nurbs3;
+extern const tsuya_brdf_model tsuya_brdf_tanaka, tsuya_brdf_yarn, tsuya_brdf_ndf, tsuya_brdf_nurbs3;
 
 /* State of ggx and ggx-aniso; values in the ranges of brdf/ggx.c. */
 TSUYA_MUST_CHECK tsuya_status tsuya_ggx_create(void **state, int channels, double alpha_weft, double alpha_warp, double eta,

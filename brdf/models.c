@@ -4,9 +4,10 @@
 #include <string.h>
 
 static const tsuya_brdf_model *const models[] = {
-    &tsuya_brdf_lambert, &tsuya_brdf_ggx, &tsuya_brdf_ggx_aniso, &tsuya_brdf_ward, &tsuya_brdf_ashikhmin, &tsuya_brdf_yarn, &tsuya_brdf_ndf, &tsuya_brdf_nurbs3,
+    &tsuya_brdf_lambert, &tsuya_brdf_ggx, &tsuya_brdf_ggx_aniso, &tsuya_brdf_ward, &tsuya_brdf_ashikhmin,
+    &tsuya_brdf_tanaka, &tsuya_brdf_yarn, &tsuya_brdf_ndf, &tsuya_brdf_nurbs3,
 };
-static const char *const names[] = {"lambert", "ggx", "ggx-aniso", "ward", "ashikhmin", "yarn", "ndf", "nurbs3", NULL};
+static const char *const names[] = {"lambert", "ggx", "ggx-aniso", "ward", "ashikhmin", "tanaka", "yarn", "ndf", "nurbs3", NULL};
 _Static_assert(sizeof names / sizeof names[0] == sizeof models / sizeof models[0] + 1, "one name per model");
 
 const tsuya_brdf_model *tsuya_brdf_model_find(const char *name)

@@ -2,6 +2,7 @@
 #ifndef TSUYA_BRDF_SHEEN_FIT_H
 #define TSUYA_BRDF_SHEEN_FIT_H
 
+#include "brdf/polar_fit.h"
 #include "brdf/samples.h"
 #include "brdf/sheen.h"
 
@@ -26,16 +27,13 @@ typedef struct tsuya_sheen_guide_options {
 } tsuya_sheen_guide_options;
 tsuya_sheen_guide_options tsuya_sheen_guide_options_default(void);
 
-typedef struct tsuya_sheen_surface_options {
-    double smooth_phi, smooth_theta, smooth_d, shrink; /* ∫ of squared second derivatives, and of S² itself */
-} tsuya_sheen_surface_options;
-tsuya_sheen_surface_options tsuya_sheen_surface_options_default(void);
+tsuya_polar_options tsuya_sheen_surface_options_default(void);
 
 /* The two yarns to `data`, Levenberg–Marquardt on differences of ∛(f cosθi); from the best of several starts. */
 TSUYA_MUST_CHECK tsuya_status tsuya_sheen_fit_guide(tsuya_sheen *sheen, double *error, const tsuya_fit_data *data,
                                                     const tsuya_sheen_guide_options *options);
 /* S over a fitted guide: penalised linear least squares of the logarithm of what is left, weighted as ∛ would. */
 TSUYA_MUST_CHECK tsuya_status tsuya_sheen_fit_surface(tsuya_sheen *sheen, double *reciprocal_condition, const tsuya_fit_data *data,
-                                                      const tsuya_sheen_surface_options *options);
+                                                      const tsuya_polar_options *options);
 
 #endif

@@ -18,7 +18,7 @@
 
 #include <cmocka.h>
 
-enum { MATERIALS = 11, FITTED = 6 };
+enum { MATERIALS = 12, FITTED = 6, TANAKA = 8 }; /* tanaka is neither reciprocal nor bounded nor continuous: tests/brdf/test_tanaka.c */
 static tsuya_material *material[MATERIALS];
 
 static tsuya_vec3 direction(double theta_deg, double phi_deg)
@@ -42,7 +42,7 @@ static const tsuya_microcylinder cloth = {
 
 static bool fit_materials(void)
 {
-    static const char *const names[] = {"ward", "ashikhmin", "yarn", "ndf", "nurbs3"};
+    static const char *const names[] = {"ward", "ashikhmin", "tanaka", "yarn", "ndf", "nurbs3"};
     const double light[] = {30, 30, 60}, view[] = {30, 60, 10};
     tsuya_samples s;
     tsuya_context context = tsuya_context_default();
@@ -58,11 +58,12 @@ static bool fit_materials(void)
             tsuya_microcylinder_eval_reciprocal(&cloth, wi, wo, s.value + 3 * s.count++);
         }
     }
-    for (int m = 0; ok && m < 5; ++m) {
+    for (int m = 0; ok && m < MATERIALS - FITTED; ++m) {
         tsuya_fit_info info;
         const tsuya_fit_options options = {names[m], names[m], NAN};
         ok = tsuya_brdf_fit(&material[FITTED + m], &info, NULL, NULL, &s, &options, &context) == TSUYA_OK;
-        print_message("%-10s fit %.4f, held out %.4f, %.1f ns, %zu bytes\n", info.model, info.fit.cbrt, info.heldout.cbrt, info.eval_ns, info.bytes);
+        print_message("%-10s fit %.4f, held out %.4f, %.1f ns, %zu bytes, reciprocity %.2g, furnace %.3f\n", info.model, info.fit.cbrt,
+                      info.heldout.cbrt, info.eval_ns, info.bytes, info.reciprocity_deficit, info.furnace);
     }
     tsuya_samples_free(&s);
     return ok;
@@ -93,7 +94,7 @@ static int tear_down(void **state)
 static void test_reciprocity(void **state)
 {
     (void)state;
-    for (int m = 0; m < MATERIALS; ++m) {
+    for (int m = 0; m < MATERIALS; m += m + 1 == TANAKA ? 2 : 1) {
         for (uint64_t k = 0; k < 5000; ++k) {
             double a[3], b[3];
             tsuya_vec3 wi = random_direction(1, k), wo = random_direction(2, k);
@@ -129,7 +130,7 @@ static void test_white_furnace(void **state)
 {
     (void)state;
     const double theta[] = {0.0, 15.0, 40.0, 60.0, 75.0, 85.0, 88.5};
-    for (int m = 0; m < MATERIALS; ++m) {
+    for (int m = 0; m < MATERIALS; m += m + 1 == TANAKA ? 2 : 1) {
         for (size_t k = 0; k < sizeof theta / sizeof theta[0]; ++k) {
             for (int phi = 0; phi < 4; ++phi) {
                 double albedo[3], tabulated[3];
@@ -209,7 +210,7 @@ static void test_sampling_follows_pdf(void **state)
 {
     (void)state;
     static double seen[CELLS], expected[CELLS];
-    const int which[] = {0, 1, 2, 3, 5, 6, 7, 8, 9, 10}; /* the sharp lobe of 4 needs finer cells than any quadrature here */
+    const int which[] = {0, 1, 2, 3, 5, 6, 7, 8, 9, 10, 11}; /* the sharp lobe of 4 needs finer cells than any quadrature here */
     const double theta[] = {0.0, 35.0, 70.0, 85.0};
     for (size_t m = 0; m < sizeof which / sizeof which[0]; ++m) {
         for (size_t k = 0; k < sizeof theta / sizeof theta[0]; ++k) {
@@ -218,7 +219,7 @@ static void test_sampling_follows_pdf(void **state)
             expected_draws(material[which[m]], wo, expected);
             count_draws(material[which[m]], wo, 10 * m + k, seen);
             double chi2 = chi_square(seen, expected, &freedom), z = chi_square_z(chi2, freedom);
-            if (!(z < 3.48)) { /* 1 % over forty tests (Šidák): one-sided 2.5e-4 */
+            if (!(z < 3.50)) { /* 1 % over 44 tests (Šidák): one-sided 2.3e-4 */
                 fail_msg("material %d, wo at %g degrees: chi-square z %.2f with %d degrees of freedom", which[m], theta[k], z, freedom);
             }
         }
@@ -301,7 +302,7 @@ static void test_hard_directions(void **state)
 static void test_continuity(void **state)
 {
     (void)state;
-    for (int m = 0; m < MATERIALS; ++m) {
+    for (int m = 0; m < MATERIALS; m += m + 1 == TANAKA ? 2 : 1) {
         for (int k = 0; k < 36; ++k) {
             double a[3], b[3];
             tsuya_material_eval(material[m], NULL, direction(1e-7, 10.0 * k), direction(30.0, 20.0), a);
