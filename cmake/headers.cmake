@@ -30,6 +30,7 @@ set(TSUYA_PUBLIC_HEADERS
   core/photo.h
   core/process.h
   core/raster.h
+  core/spectrum.h
   core/status.h
   core/table.h
   core/yaml.h
@@ -50,7 +51,6 @@ set(TSUYA_PUBLIC_HEADERS
   render/preset.h
   render/render.h
   render/scene.h
-  render/spectrum.h
   render/views.h
   weave_detect/mesh_field.h
   weave_detect/patches.h

@@ -3,9 +3,8 @@
 
 #include "core/color.h"
 #include "core/image.h"
+#include "core/spectrum.h"
 #include "core/table.h"
-
-#include "render/spectrum.h"
 
 #include <math.h>
 #include <stdio.h>

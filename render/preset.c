@@ -2,7 +2,7 @@
 
 #include "core/context.h"
 
-#include "render/spectrum.h"
+#include "core/spectrum.h"
 
 #include <math.h>
 #include <string.h>

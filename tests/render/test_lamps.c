@@ -6,7 +6,7 @@
 #include "core/table.h"
 
 #include "render/preset.h"
-#include "render/spectrum.h"
+#include "core/spectrum.h"
 
 #include "render_scenes.h"
 

@@ -1,4 +1,4 @@
-#include "render/spectrum.h"
+#include "core/spectrum.h"
 
 #include "core/color.h"
 
@@ -82,7 +82,7 @@ tsuya_vec3 tsuya_rgb_of_daylight(double temperature_k)
     return normalised((tsuya_vec3){xy[0] / xy[1], 1.0, (1.0 - xy[0] - xy[1]) / xy[1]});
 }
 
-tsuya_vec3 tsuya_rgb_of_reflectance(const double *nm, const double *reflectance, int count)
+tsuya_vec3 tsuya_xyz_of_reflectance(const double *nm, const double *reflectance, int count)
 {
     tsuya_vec3 sum = {0, 0, 0}, white = {0, 0, 0}, d65 = tsuya_white_d65();
     int k = 0;
@@ -96,5 +96,10 @@ tsuya_vec3 tsuya_rgb_of_reflectance(const double *nm, const double *reflectance,
         sum = tsuya_vec3_mad(sum, r, seen);
         white = tsuya_vec3_add(white, seen);
     }
-    return tsuya_rgb_from_xyz((tsuya_vec3){d65.x * sum.x / white.x, d65.y * sum.y / white.y, d65.z * sum.z / white.z});
+    return (tsuya_vec3){d65.x * sum.x / white.x, d65.y * sum.y / white.y, d65.z * sum.z / white.z};
+}
+
+tsuya_vec3 tsuya_rgb_of_reflectance(const double *nm, const double *reflectance, int count)
+{
+    return tsuya_rgb_from_xyz(tsuya_xyz_of_reflectance(nm, reflectance, count));
 }
