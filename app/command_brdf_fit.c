@@ -1,5 +1,6 @@
 /* tsuya brdf fit SAMPLES.csv */
 #include "app/brdf_figures.h"
+#include "app/brdf_samples.h"
 #include "app/command.h"
 #include "core/file.h"
 
@@ -9,7 +10,8 @@
 enum { KEY_MODEL = 1, KEY_TOLERANCE, KEY_NAME };
 
 typedef struct fit_input {
-    const char *samples, *output;
+    const char *output;
+    tsuya_samples_source samples;
     tsuya_fit_options options;
 } fit_input;
 
@@ -18,6 +20,8 @@ static const struct argp_option fit_options[] = {
     {"tolerance", KEY_TOLERANCE, "E", 0, "auto: the cheapest model whose error on held-out samples (cube roots) is at most E; without it "
                                          "the one with the lowest", 0},
     {"name", KEY_NAME, "NAME", 0, "Name of the material (default: of the table)", 0},
+    {"with", TSUYA_KEY_WITH, "SPECTRA.csv", 0, TSUYA_BRDF_WITH_HELP, 0},
+    {"channels", TSUYA_KEY_CHANNELS, "own|rgb", 0, TSUYA_BRDF_CHANNELS_HELP, 0},
     {"output", 'o', "PATH", 0, "MATERIAL.json, or a folder (default: the current one)", 0},
     {0},
 };
@@ -29,15 +33,22 @@ static error_t parse_fit(int key, char *arg, struct argp_state *state)
     case KEY_MODEL: input->options.model = arg; return 0;
     case KEY_TOLERANCE: input->options.tolerance = tsuya_argument_number(state, "--tolerance", arg, 0.0, 10.0); return 0;
     case KEY_NAME: input->options.name = arg; return 0;
+    case TSUYA_KEY_WITH: input->samples.radiometer = arg; return 0;
+    case TSUYA_KEY_CHANNELS:
+        if (!tsuya_brdf_channels_known(arg)) {
+            argp_error(state, "--channels %s: expected own or rgb", arg);
+        }
+        input->samples.channels = arg;
+        return 0;
     case 'o': input->output = arg; return 0;
     case ARGP_KEY_ARG:
-        if (input->samples) {
+        if (input->samples.path) {
             argp_error(state, "'%s': one table of samples only", arg);
         }
-        input->samples = arg;
+        input->samples.path = arg;
         return 0;
     case ARGP_KEY_END:
-        if (!input->samples) {
+        if (!input->samples.path) {
             argp_error(state, "SAMPLES.csv is missing");
         }
         return 0;
@@ -78,13 +89,14 @@ static tsuya_status fit(fit_input *input, const tsuya_common *common)
     tsuya_context context = tsuya_command_context(common);
     tsuya_samples samples = {0};
     tsuya_material *material = NULL;
+    tsuya_join_info joined;
     tsuya_fit_info info, candidates[TSUYA_FIT_MODELS];
     tsuya_json *figures = NULL;
     char *folder = NULL, *file = NULL, name[256];
     int count = 0;
     tsuya_status status;
-    input->options.name = input->options.name ? input->options.name : name_of(name, sizeof name, input->samples);
-    TSUYA_GOTO_DONE(status, tsuya_samples_load(&samples, input->samples));
+    input->options.name = input->options.name ? input->options.name : name_of(name, sizeof name, input->samples.path);
+    TSUYA_GOTO_DONE(status, tsuya_brdf_samples(&samples, &joined, &input->samples, &context));
     TSUYA_GOTO_DONE(status, tsuya_command_output(&folder, &file, input->output, ".json", "material.json"));
     TSUYA_GOTO_DONE(status, tsuya_brdf_fit(&material, &info, candidates, &count, &samples, &input->options, &context));
     figures = tsuya_json_create_object();
@@ -93,8 +105,9 @@ static tsuya_status fit(fit_input *input, const tsuya_common *common)
     }
     tsuya_brdf_figures(figures, &info);
     tsuya_brdf_candidates(figures, candidates, count);
+    tsuya_brdf_joined(figures, &joined);
     if (!isnan(input->options.tolerance) && !(info.heldout.cbrt <= input->options.tolerance)) {
-        tsuya_warn("%s: no model reaches --tolerance %g on held-out samples; the best, %s, has %.4g", input->samples, input->options.tolerance,
+        tsuya_warn("%s: no model reaches --tolerance %g on held-out samples; the best, %s, has %.4g", input->samples.path, input->options.tolerance,
                    info.model, info.heldout.cbrt);
     }
     TSUYA_GOTO_DONE(status, save(material, figures, folder, file));

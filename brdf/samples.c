@@ -20,7 +20,7 @@ tsuya_status tsuya_samples_create(tsuya_samples *samples, int count, int channel
     static const char *const rgb[] = {"r", "g", "b"};
     tsuya_status status = TSUYA_OK;
     tsuya_samples *s = samples;
-    *s = (tsuya_samples){.count = count, .channel_count = channel_count};
+    *s = (tsuya_samples){.count = count, .channel_count = channel_count, .scale_sigma = NAN};
     TSUYA_NEW(status, s->wi, (size_t)count);
     TSUYA_NEW(status, s->wo, (size_t)count);
     TSUYA_NEW(status, s->value, (size_t)count * (size_t)channel_count);
@@ -45,6 +45,27 @@ void tsuya_samples_free(tsuya_samples *samples)
     *samples = (tsuya_samples){0};
 }
 
+tsuya_status tsuya_samples_copy_frame(tsuya_samples *samples, const tsuya_samples *of, int channel_count, const char *const *channels)
+{
+    tsuya_status status = TSUYA_OK;
+    size_t n = (size_t)of->count;
+    TSUYA_TRY(tsuya_samples_create(samples, of->count, channel_count, channels));
+    memcpy(samples->wi, of->wi, n * sizeof *of->wi);
+    memcpy(samples->wo, of->wo, n * sizeof *of->wo);
+    samples->relative = of->relative;
+    samples->scale_sigma = of->scale_sigma;
+    if (of->azimuth_deg) {
+        TSUYA_NEW(status, samples->azimuth_deg, n);
+        TSUYA_NEW(status, samples->tilt_deg, n);
+        memcpy(samples->azimuth_deg, of->azimuth_deg, n * sizeof *of->azimuth_deg);
+        memcpy(samples->tilt_deg, of->tilt_deg, n * sizeof *of->tilt_deg);
+    }
+    return TSUYA_OK;
+done:
+    tsuya_samples_free(samples);
+    return status;
+}
+
 static void copy_row(tsuya_samples *to, int row, const tsuya_samples *of, int k)
 {
     size_t n = (size_t)of->channel_count;
@@ -67,6 +88,7 @@ tsuya_status tsuya_samples_copy(tsuya_samples *samples, const tsuya_samples *of,
     TSUYA_TRY(tsuya_samples_create(samples, count, of->channel_count, NULL));
     memcpy(samples->channel, of->channel, (size_t)of->channel_count * sizeof *of->channel);
     samples->relative = of->relative;
+    samples->scale_sigma = of->scale_sigma;
     if (of->azimuth_deg) {
         TSUYA_NEW(status, samples->azimuth_deg, (size_t)count);
         TSUYA_NEW(status, samples->tilt_deg, (size_t)count);

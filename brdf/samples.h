@@ -17,6 +17,7 @@ typedef struct tsuya_samples {
     double *value; /* count × channel_count, sr⁻¹; NaN: not usable (clipped) */
     char (*channel)[TSUYA_SAMPLES_CHANNEL_SIZE];
     double *azimuth_deg, *tilt_deg; /* of a goniometer's stage; NULL otherwise */
+    double scale_sigma;             /* relative standard uncertainty of the common scale (scale_uncertainty=); NaN: not stated */
     bool relative;                  /* radiance without irradiance: known up to one common factor */
     int dropped_below, clipped, disagreeing; /* rows under the surface, values at the clip level, repeated rows that differ by > 10 % */
 } tsuya_samples;
@@ -35,6 +36,9 @@ TSUYA_API void tsuya_samples_free(tsuya_samples *samples);
 /* An empty table of that size, channels r, g, b when `channels` is NULL. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_samples_create(tsuya_samples *samples, int count, int channel_count,
                                                              const char *const *channels);
+/* The same directions (and stage angles) with other channels, whose values are zero. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_samples_copy_frame(tsuya_samples *samples, const tsuya_samples *of, int channel_count,
+                                                                 const char *const *channels);
 /* The rows with keep[k] != 0. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_samples_copy(tsuya_samples *samples, const tsuya_samples *of, const unsigned char *keep);
 

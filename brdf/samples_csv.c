@@ -1,6 +1,7 @@
 /* Sample tables: directions, or the stage angles of a goniometer. */
 #include "brdf/samples_internal.h"
 
+#include "brdf/samples_color.h"
 #include "core/memory.h"
 #include "core/table.h"
 
@@ -12,7 +13,7 @@ typedef enum quantity { BRDF, BRDF_COS, RADIANCE, RADIANCE_FACTOR } quantity;
 static const char *const quantity_name[] = {"brdf", "brdf_cos", "radiance", "radiance_factor", NULL};
 static const char *const direction_columns[] = {"theta_i_deg", "phi_i_deg", "theta_o_deg", "phi_o_deg", NULL};
 static const char *const stage_columns[] = {"azimuth_deg", "tilt_deg", NULL};
-static const char *const key_names[] = {"quantity", "irradiance", "clip", "light_theta_deg", "light_phi_deg", "view_theta_deg", "view_phi_deg", NULL};
+static const char *const key_names[] = {"quantity", "irradiance", "illuminant", "scale_uncertainty", "clip", "light_theta_deg", "light_phi_deg", "view_theta_deg", "view_phi_deg", NULL};
 static const char *const all_columns[] = {"theta_i_deg", "phi_i_deg", "theta_o_deg", "phi_o_deg", "azimuth_deg", "tilt_deg", "r", "g", "b", NULL};
 
 typedef struct reading {
@@ -20,7 +21,7 @@ typedef struct reading {
     bool goniometer;
     int angle[4], *channel, channel_count;
     quantity quantity;
-    double irradiance, clip;
+    double lamp[256], clip, scale_sigma; /* lamp: irradiance of each channel; only its course where has_irradiance is false */
     bool has_irradiance, has_clip;
     double light_deg[2], view_deg[2];
 } reading;
@@ -28,7 +29,7 @@ typedef struct reading {
 static bool is_wavelength(const char *name)
 {
     double nm;
-    return strncmp(name, "nm", 2) == 0 && tsuya_parse_number(&nm, name + 2) && nm >= 100.0 && nm <= 5000.0;
+    return tsuya_channel_nm(&nm, name);
 }
 
 static tsuya_status number_key(double *value, bool *found, const tsuya_table *t, const char *key, double low, double high)
@@ -56,6 +57,61 @@ static tsuya_status check_keys(const tsuya_table *t)
     return TSUYA_OK;
 }
 
+/* One number for all channels, or one a channel: r,g,b, or as the wavelengths stand: "irradiance=812,640,377". */
+static tsuya_status read_irradiance(reading *r)
+{
+    const char *text = tsuya_table_key(r->table, "irradiance"), *at = text;
+    int count = 0;
+    for (int c = 0; c < r->channel_count; ++c) {
+        r->lamp[c] = 1.0;
+    }
+    r->has_irradiance = text != NULL;
+    while (at && count < r->channel_count) {
+        char *end;
+        double value = strtod(at, &end);
+        if (end == at || !(value >= 1e-30 && value <= 1e30)) {
+            break;
+        }
+        r->lamp[count++] = value;
+        at = *end == ',' ? end + 1 : end;
+        if (*end != ',') {
+            break;
+        }
+    }
+    if (text && (*at || (count != 1 && count != r->channel_count))) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: # irradiance=%.40s: expected a number from 1e-30 to 1e30, or one for each of %d channels", r->table->path, text,
+                          r->channel_count);
+    }
+    for (int c = 1; count == 1 && c < r->channel_count; ++c) {
+        r->lamp[c] = r->lamp[0];
+    }
+    return TSUYA_OK;
+}
+
+/* The lamp's colour, which a radiance carries and a reflectance does not. */
+static tsuya_status read_illuminant(reading *r)
+{
+    const tsuya_table *t = r->table;
+    const char *name = tsuya_table_key(t, "illuminant");
+    double nm[256], power[256];
+    if (!name) {
+        return TSUYA_OK;
+    }
+    if (r->quantity != RADIANCE) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: # illuminant=%.40s: belongs to quantity=radiance; a reflectance has its lamp divided out", t->path, name);
+    }
+    for (int c = 0; c < r->channel_count; ++c) {
+        if (!tsuya_channel_nm(&nm[c], t->column[r->channel[c]])) {
+            return tsuya_fail(TSUYA_ERROR_INPUT, "%s: # illuminant=%.40s: needs wavelengths (nm390,…); for r,g,b give \"irradiance=R,G,B\"", t->path, name);
+        }
+    }
+    TSUYA_TRY(tsuya_illuminant_power(power, nm, r->channel_count, name, t->path));
+    for (int c = 0; c < r->channel_count; ++c) {
+        r->lamp[c] *= power[c];
+    }
+    return TSUYA_OK;
+}
+
 static tsuya_status read_quantity(reading *r)
 {
     const tsuya_table *t = r->table;
@@ -66,7 +122,11 @@ static tsuya_status read_quantity(reading *r)
     for (int q = 0; quantity_name[q]; ++q) {
         if (strcmp(text, quantity_name[q]) == 0) {
             r->quantity = (quantity)q;
-            TSUYA_TRY(number_key(&r->irradiance, &r->has_irradiance, t, "irradiance", 1e-30, 1e30));
+            bool stated;
+            r->scale_sigma = NAN;
+            TSUYA_TRY(read_irradiance(r));
+            TSUYA_TRY(read_illuminant(r));
+            TSUYA_TRY(number_key(&r->scale_sigma, &stated, t, "scale_uncertainty", 1e-6, 1.0));
             return number_key(&r->clip, &r->has_clip, t, "clip", 1e-30, 1e30);
         }
     }
@@ -163,12 +223,12 @@ static tsuya_status row_directions(tsuya_vec3 *wi, tsuya_vec3 *wo, const reading
     return TSUYA_OK;
 }
 
-static double brdf_from(const reading *r, double value, double cosine)
+static double brdf_from(const reading *r, int channel, double value, double cosine)
 {
     switch (r->quantity) {
     case BRDF: return value;
     case BRDF_COS: return value / cosine;
-    case RADIANCE: return value / ((r->has_irradiance ? r->irradiance : 1.0) * cosine);
+    case RADIANCE: return value / (r->lamp[channel] * cosine);
     default: return value / M_PI;
     }
 }
@@ -185,7 +245,7 @@ static tsuya_status read_values(tsuya_samples *s, int to, const reading *r, size
             return tsuya_fail(TSUYA_ERROR_INPUT, "%s: line %d, column %s: %g: a reflectance is not negative", t->path, t->line[row],
                               t->column[r->channel[c]], v);
         } else {
-            *f = brdf_from(r, fmax(v, 0.0), s->wi[to].z); /* dark-corrected radiance may fall below zero by noise */
+            *f = brdf_from(r, c, fmax(v, 0.0), s->wi[to].z); /* dark-corrected radiance may fall below zero by noise */
         }
     }
     return TSUYA_OK;
@@ -298,6 +358,7 @@ static tsuya_status from_table(tsuya_samples *samples, reading *r)
     }
     TSUYA_TRY(tsuya_samples_create(samples, (int)r->table->row_count, r->channel_count, names));
     samples->relative = r->quantity == RADIANCE && !r->has_irradiance;
+    samples->scale_sigma = r->scale_sigma;
     if (r->goniometer) {
         TSUYA_NEW(status, samples->azimuth_deg, r->table->row_count);
         TSUYA_NEW(status, samples->tilt_deg, r->table->row_count);

@@ -4,6 +4,8 @@ set(TSUYA_PUBLIC_HEADERS
   brdf/fit.h
   brdf/material.h
   brdf/samples.h
+  brdf/samples_color.h
+  brdf/samples_join.h
   capture/check.h
   capture/studio.h
   capture/studio_goniometer.h
