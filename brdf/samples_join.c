@@ -60,23 +60,27 @@ static tsuya_status link_tables(pairs *p, const tsuya_samples *camera, const tsu
     tsuya_fit_info fit;
     tsuya_status status = TSUYA_OK;
     size_t n = (size_t)wanted->count;
+    int linked = 0;
     p->channels = wanted->channel_count;
     TSUYA_NEW(status, p->camera, n * 3);
     TSUYA_NEW(status, p->rgb, n * 3);
     TSUYA_NEW(status, p->radiometer, n * (size_t)p->channels);
     TSUYA_NEW(status, p->weight, n);
+    for (size_t k = 0; k < n; ++k) {
+        linked += near_camera(camera, wanted->wi[k], wanted->wo[k]) && usable(wanted->value + k * (size_t)p->channels, p->channels) && usable(rgb->value + 3 * k, 3);
+    }
+    if (linked < FEWEST_LINKS) {
+        TSUYA_GOTO_DONE(status, tsuya_fail(TSUYA_ERROR_INPUT, "%d of the radiometer's %d rows lie within 7° of the camera's readings and are not clipped; at least %d "
+                                                              "must link them", linked, wanted->count, FEWEST_LINKS));
+    }
     TSUYA_GOTO_DONE(status, tsuya_brdf_fit(&m, &fit, NULL, NULL, camera, &options, context));
     for (size_t k = 0; k < n; ++k) {
         double seen[3];
         const double *value = wanted->value + k * (size_t)p->channels;
         tsuya_material_eval(m, NULL, wanted->wi[k], wanted->wo[k], seen);
-        if (near_camera(camera, wanted->wi[k], wanted->wo[k]) && usable(seen, 3) && usable(value, p->channels) && usable(rgb->value + 3 * k, 3)) {
+        if (near_camera(camera, wanted->wi[k], wanted->wo[k]) && usable(value, p->channels) && usable(rgb->value + 3 * k, 3)) {
             take_pair(p, seen, value, rgb->value + 3 * k);
         }
-    }
-    if (p->count < FEWEST_LINKS) {
-        status = tsuya_fail(TSUYA_ERROR_INPUT, "%d of the radiometer's %d rows lie within 7° of the camera's readings and are not clipped; at least %d must link them",
-                            p->count, wanted->count, FEWEST_LINKS);
     }
 done:
     tsuya_material_free(m);
