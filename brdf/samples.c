@@ -139,8 +139,10 @@ tsuya_status tsuya_samples_load(tsuya_samples *samples, const char *path)
     TSUYA_TRY(tsuya_file_load(&bytes, &size, path, (size_t)2 << 30));
     tsuya_status status;
     const char *extension = tsuya_path_extension(path);
-    if (memchr(bytes, '\0', size)) {
-        status = tsuya_fail(TSUYA_ERROR_INPUT, "%s: not text; samples are a CSV table or a Klems .xml", path);
+    if (size >= 12 && memcmp(bytes, "tensor_file", 12) == 0) {
+        status = tsuya_samples_from_rgl(samples, bytes, size, path);
+    } else if (memchr(bytes, '\0', size)) {
+        status = tsuya_fail(TSUYA_ERROR_INPUT, "%s: not text; samples are a CSV table, a Klems .xml or an RGL .bsdf", path);
     } else if (strcmp(extension, ".xml") == 0) {
         status = tsuya_samples_from_klems(samples, bytes, path);
     } else {

@@ -27,7 +27,7 @@ typedef struct tsuya_samples {
  * wo = (0, −sin 40°, cos 40°). */
 TSUYA_API tsuya_vec3 tsuya_goniometer_direction(double theta_deg, double phi_deg, double azimuth_deg, double tilt_deg);
 
-/* Reads, by extension and content: a CSV of directions or of a goniometer, a Klems matrix (.xml, front reflection).  Rows under the surface are left out and clipped values become NaN, each with one warning and a count; anything else
+/* Reads, by extension and content: a CSV of directions or of a goniometer, a Klems matrix (.xml, front reflection), an RGL tensor file (.bsdf).  Rows under the surface are left out and clipped values become NaN, each with one warning and a count; anything else
  * that is wrong fails with file, row and column.  tsuya_samples_free. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_samples_load(tsuya_samples *samples, const char *path);
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_samples_parse(tsuya_samples *samples, const char *text, const char *name_for_messages);

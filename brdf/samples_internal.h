@@ -5,5 +5,6 @@
 #include "brdf/samples.h"
 
 TSUYA_MUST_CHECK tsuya_status tsuya_samples_from_klems(tsuya_samples *samples, const char *text, const char *name);
+TSUYA_MUST_CHECK tsuya_status tsuya_samples_from_rgl(tsuya_samples *samples, const char *bytes, size_t size, const char *name);
 
 #endif
