@@ -110,7 +110,7 @@ static void verdict(page *p)
     snprintf(note, sizeof note, "worst corner %.3g px", tsuya_projection_corner(&which, &c->sigma));
     card(p, value, "uncertainty, centre", note);
     snprintf(value, sizeof value, "%.1f px", c->solve.camera.fx_px);
-    snprintf(note, sizeof note, "± %.2g px; fy %.1f", sqrt(c->covariance[0]), c->solve.camera.fy_px);
+    snprintf(note, sizeof note, "± %.2g px; fy %.1f", sqrt(c->covariance.intrinsics[0]), c->solve.camera.fy_px);
     card(p, value, "focal length", note);
     tsuya_html_raw(&p->html, "</div>");
     if (c->advice_count) {

@@ -312,7 +312,7 @@ static void give_advice(tsuya_calibration *c, const tsuya_corner_set *corners)
     const tsuya_solve *s = &c->solve;
     int worst;
     double corner = tsuya_projection_corner(&worst, &c->sigma), center = tsuya_projection_center(&c->sigma), share = covered_share(&c->sigma);
-    double tilt = largest_tilt_deg(s), focal_sigma = sqrt(c->covariance[0]) / s->camera.fx_px;
+    double tilt = largest_tilt_deg(s), focal_sigma = sqrt(c->covariance.intrinsics[0]) / s->camera.fx_px;
     if (c->photos_used < FEWEST_FOR_HALVES) {
         advise(c, "%d photographs used: take 15 or more, so that two halves can be held against each other", c->photos_used);
     }
@@ -325,8 +325,13 @@ static void give_advice(tsuya_calibration *c, const tsuya_corner_set *corners)
     if (share < 0.7) {
         advise(c, "boards cover %.0f %% of the image: let them reach its edges and corners", 100.0 * share);
     }
-    if (corner > 3.0 * center || isnan(corner)) {
+    if (isnan(corner)) {
+        advise(c, "the lens model does not reach the image's %s corner, where nothing was seen of the board: put it there", place[worst]);
+    } else if (corner > 3.0 * center) {
         advise(c, "the image's %s corner is the least certain place (%.2f px, centre %.2f px): put the board there", place[worst], corner, center);
+    }
+    if (c->covariance.photo_factor > 1.5) {
+        advise(c, "photographs disagree %.1f times more than their corners' noise: keep camera and board still, and the board flat", c->covariance.photo_factor);
     }
     if (isfinite(c->trial[c->chosen].cross.p90) && !c->cross_validates) {
         advise(c, "the two halves of the photographs disagree (p90 %.2f px): was focus or zoom moved, or is the board bent?", c->trial[c->chosen].cross.p90);
@@ -392,12 +397,10 @@ done:
 
 static tsuya_status state_uncertainty(tsuya_calibration *c)
 {
-    int n = tsuya_lens_parameters(c->solve.camera.lens);
-    TSUYA_TRY(tsuya_mrcal_covariance(c->covariance, NULL, &c->solve, 0));
-    for (int i = 0; i < n * n; i++) {
-        c->covariance[i] *= c->solve.variance;
-    }
-    double focal_sigma = sqrt(c->covariance[0]) / c->solve.camera.fx_px;
+    double alone[TSUYA_INTRINSICS_MOST * TSUYA_INTRINSICS_MOST];
+    TSUYA_TRY(tsuya_mrcal_covariance(alone, NULL, &c->solve, 0));
+    TSUYA_TRY(tsuya_covariance_estimate(&c->covariance, &c->solve, true));
+    double focal_sigma = sqrt(c->covariance.intrinsics[0]) / c->solve.camera.fx_px;
     if (!(focal_sigma < 0.05)) {
         return tsuya_fail(TSUYA_ERROR_NUMERIC, "the photographs do not determine the camera (focal length to %.0f %% only, largest tilt of a board %.0f "
                           "degrees): take more, with the board tilted by 30 to 45 degrees", 100.0 * focal_sigma, largest_tilt_deg(&c->solve));
@@ -406,8 +409,8 @@ static tsuya_status state_uncertainty(tsuya_calibration *c)
     TSUYA_TRY(tsuya_projection_map_create(&c->sigma_infinity, MAP_COLS, MAP_ROWS));
     tsuya_projection_cover(&c->sigma, &c->solve);
     tsuya_projection_cover(&c->sigma_infinity, &c->solve);
-    TSUYA_TRY(tsuya_projection_uncertainty(&c->sigma, &c->solve.camera, c->covariance, c->distance_m));
-    return tsuya_projection_uncertainty(&c->sigma_infinity, &c->solve.camera, c->covariance, INFINITY);
+    TSUYA_TRY(tsuya_projection_uncertainty(&c->sigma, &c->solve.camera, c->covariance.intrinsics, c->distance_m));
+    return tsuya_projection_uncertainty(&c->sigma_infinity, &c->solve.camera, c->covariance.intrinsics, INFINITY);
 }
 
 static tsuya_status calibrate(tsuya_calibration *c, memory *m, halves *h, const tsuya_corner_set *corners, const tsuya_calibrate_options *options,
@@ -453,6 +456,7 @@ tsuya_status tsuya_calibrate(tsuya_calibration *calibration, const tsuya_board *
 void tsuya_calibration_free(tsuya_calibration *c)
 {
     tsuya_solve_free(&c->solve);
+    tsuya_covariance_free(&c->covariance);
     tsuya_projection_map_free(&c->sigma);
     tsuya_projection_map_free(&c->sigma_infinity);
     tsuya_projection_map_free(&c->cross);

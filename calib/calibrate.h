@@ -3,6 +3,7 @@
 #ifndef TSUYA_CALIB_CALIBRATE_H
 #define TSUYA_CALIB_CALIBRATE_H
 
+#include "calib/covariance.h"
 #include "calib/projection.h"
 #include "calib/solve.h"
 #include "core/context.h"
@@ -35,7 +36,7 @@ typedef struct tsuya_calibrate_plate {
 
 typedef struct tsuya_calibration {
     tsuya_solve solve;
-    double covariance[TSUYA_INTRINSICS_MOST * TSUYA_INTRINSICS_MOST];
+    tsuya_covariance covariance;
     double distance_m;            /* median from camera to plate */
     tsuya_calibrate_trial trial[TSUYA_CALIB_LENSES];
     int trials, chosen;

@@ -48,7 +48,28 @@ static void set_trials(tsuya_json *object, const tsuya_calibration *c)
     }
 }
 
-/* Photographs whose corners fit worse than twice the median. */
+/* One sigma of where the camera stood against the first plate that the photograph shows: in the worst direction of three. */
+static void set_pose_sigma(tsuya_json *object, const tsuya_calibration *c, int photo)
+{
+    for (int v = 0; v < c->solve.view_count; v++) {
+        if (c->solve.view[v].photo != photo) {
+            continue;
+        }
+        double values[2][3];
+        for (int part = 0; part < 2; part++) {
+            tsuya_mat3 block;
+            for (int i = 0; i < 9; i++) {
+                block.e[i / 3][i % 3] = c->covariance.pose[(v * 6 + 3 * part + i / 3) * 6 + 3 * part + i % 3];
+            }
+            tsuya_mat3_eigen_symmetric(block, values[part], &(tsuya_mat3){0});
+        }
+        tsuya_json_set_number(object, "rotation_sigma_deg", tsuya_deg_from_rad(sqrt(fmax(values[0][2], 0.0))));
+        tsuya_json_set_number(object, "position_sigma_m", sqrt(fmax(values[1][2], 0.0)));
+        return;
+    }
+}
+
+/* Every photograph: its corners, how they fit, and how well its pose is known. */
 static void set_photos(tsuya_json *object, const tsuya_calibration *c, const tsuya_corner_set *corners)
 {
     tsuya_json *photos = tsuya_json_set_array(object, "photographs");
@@ -64,6 +85,7 @@ static void set_photos(tsuya_json *object, const tsuya_calibration *c, const tsu
         tsuya_json_set_number(o, "corners", used);
         tsuya_json_set_number(o, "outliers", outliers);
         tsuya_json_set_number(o, "sigma_px", used ? c->solve.photo_sigma_px[p] : NAN);
+        set_pose_sigma(o, c, p);
     }
 }
 
@@ -78,7 +100,7 @@ static void set_camera(tsuya_json *object, const tsuya_calibration *c)
     tsuya_json_set_number(object, "cy", k->cy_px);
     tsuya_json_set_numbers(object, "distortion", k->distortion, n - 4);
     for (int i = 0; i < n; i++) {
-        sigma[i] = sqrt(c->covariance[i * n + i]);
+        sigma[i] = sqrt(c->covariance.intrinsics[i * n + i]);
     }
     tsuya_json_set_numbers(object, "intrinsics_sigma", sigma, n);
     tsuya_json_set_number(object, "width_px", k->width_px);
@@ -98,6 +120,9 @@ void tsuya_calibration_to_json(tsuya_json *object, const tsuya_calibration *c, c
     set_uncertainty(object, "uncertainty_px", &c->sigma);
     set_stats(object, "cross_validation_px_infinity", &t->cross_infinity);
     set_uncertainty(object, "uncertainty_px_infinity", &c->sigma_infinity);
+    tsuya_json *scatter = tsuya_json_set_object(object, "scatter");
+    tsuya_json_set_number(scatter, "photographs", c->covariance.photo_factor);
+    tsuya_json_set_number(scatter, "tags", c->covariance.tag_factor);
     set_camera(object, c);
     tsuya_json_set_number(object, "distance_m", c->distance_m);
     set_plates(object, c);

@@ -39,11 +39,11 @@ static void report(const char *name, const tsuya_calibration *c)
     const tsuya_camera *k = &c->solve.camera;
     const tsuya_calibrate_trial *t = &c->trial[c->chosen];
     printf("%s: %s, %.4f px, %d photographs, %d corners, %d left out, fx %.2f ± %.2f fy %.2f cx %.2f cy %.2f, cross p90 %.3f (infinity %.3f), "
-           "uncertainty %.3f corner %.3f (infinity %.3f, %.3f), %.1f s\n",
+           "uncertainty %.3f corner %.3f (infinity %.3f, %.3f), photographs scatter %.2f, tags %.2f, %.1f s\n",
            name, tsuya_lens_name(k->lens), c->solve.rms_px, c->photos_used, c->solve.observation_count, c->solve.outliers, k->fx_px,
-           sqrt(c->covariance[0]), k->fy_px, k->cx_px, k->cy_px, t->cross.p90, t->cross_infinity.p90, tsuya_projection_center(&c->sigma),
+           sqrt(c->covariance.intrinsics[0]), k->fy_px, k->cx_px, k->cy_px, t->cross.p90, t->cross_infinity.p90, tsuya_projection_center(&c->sigma),
            tsuya_projection_corner(&which, &c->sigma), tsuya_projection_center(&c->sigma_infinity), tsuya_projection_corner(&which, &c->sigma_infinity),
-           c->seconds);
+           c->covariance.photo_factor, c->covariance.tag_factor, c->seconds);
 }
 
 /* Robot's colour camera: 608.3, 610.9 px, 0.21 px per coordinate. */

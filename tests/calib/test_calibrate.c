@@ -1,0 +1,150 @@
+/* Photographs that hardly determine a camera, from corners with a known truth: said, not averaged away. */
+#include "corners_scene.h"
+
+#include "calib/mrcal_adapter.h"
+
+static tsuya_status run(tsuya_calibration *c, const corners_scene *s)
+{
+    tsuya_board board;
+    tsuya_corner_set corners;
+    tsuya_context context = tsuya_context_default();
+    tsuya_calibrate_options options = tsuya_calibrate_options_default();
+    static tsuya_board kept; /* the solve borrows it */
+    scene_board(&board);
+    scene_corners(&corners, s, &board);
+    tsuya_board_free(&kept);
+    kept = board;
+    tsuya_status status = tsuya_calibrate(c, &kept, &corners, SCENE_WIDTH, SCENE_HEIGHT, &options, &context);
+    tsuya_corner_set_free(&corners);
+    if (status == TSUYA_OK) {
+        printf("  %s %.3f px fx %.1f ± %.2f, centre %.3f, scatter %.2f %.2f\n", tsuya_lens_name(c->solve.camera.lens), c->solve.rms_px, c->solve.camera.fx_px,
+               sqrt(c->covariance.intrinsics[0]), tsuya_projection_center(&c->sigma_infinity), c->covariance.photo_factor, c->covariance.tag_factor);
+        for (int i = 0; i < c->advice_count; i++) {
+            printf("    %s\n", c->advice[i]);
+        }
+    } else {
+        printf("  %s\n", tsuya_reason());
+    }
+    return status;
+}
+
+static bool advised(const tsuya_calibration *c, const char *part)
+{
+    for (int i = 0; i < c->advice_count; i++) {
+        if (strstr(c->advice[i], part)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* The truth lies within a few of the stated sigmas. */
+static void assert_honest(const tsuya_calibration *c)
+{
+    const tsuya_camera *k = &c->solve.camera;
+    int n = c->covariance.n;
+    assert_true(fabs(k->fx_px - SCENE_FOCAL) <= 4.0 * sqrt(c->covariance.intrinsics[0]));
+    assert_true(fabs(k->cx_px - SCENE_CX) <= 4.0 * sqrt(c->covariance.intrinsics[2 * (n + 1)]));
+}
+
+static void test_plain(void **state)
+{
+    (void)state;
+    corners_scene s = corners_scene_default();
+    tsuya_calibration c;
+    assert_ok(run(&c, &s));
+    assert_true(c.cross_validates);
+    assert_honest(&c);
+    assert_true(c.covariance.photo_factor > 0.75 && c.covariance.photo_factor < 1.3);
+    tsuya_calibration_free(&c);
+}
+
+/* Our normal equations against mrcal's derivatives and CHOLMOD, where both have the same parameters. */
+static void test_cholmod(void **state)
+{
+    (void)state;
+    corners_scene s = corners_scene_default();
+    tsuya_calibration c;
+    tsuya_covariance ours;
+    double theirs[TSUYA_INTRINSICS_MOST * TSUYA_INTRINSICS_MOST];
+    assert_ok(run(&c, &s));
+    assert_ok(tsuya_mrcal_covariance(theirs, NULL, &c.solve, 0));
+    assert_ok(tsuya_covariance_estimate(&ours, &c.solve, false));
+    for (int i = 0; i < ours.n; i++) {
+        double a = sqrt(ours.intrinsics[i * (ours.n + 1)]), b = sqrt(c.solve.variance * theirs[i * (ours.n + 1)]);
+        assert_true(a >= 0.9999 * b && a <= 1.1 * b); /* the tags' size is free here */
+    }
+    tsuya_covariance_free(&ours);
+    tsuya_calibration_free(&c);
+}
+
+static void test_frontal(void **state)
+{
+    (void)state;
+    corners_scene s = corners_scene_default();
+    tsuya_calibration c;
+    s.tilt_deg = 1.0;
+    if (run(&c, &s) == TSUYA_OK) {
+        assert_true(advised(&c, "tilt"));
+        assert_honest(&c);
+        tsuya_calibration_free(&c);
+    } else {
+        assert_non_null(strstr(tsuya_reason(), "tilt"));
+    }
+}
+
+static void test_few(void **state)
+{
+    (void)state;
+    corners_scene s = corners_scene_default();
+    tsuya_calibration c;
+    for (s.photos = 1; s.photos <= 2; s.photos++) {
+        if (run(&c, &s) == TSUYA_OK) {
+            assert_true(advised(&c, "take 15 or more"));
+            assert_honest(&c);
+            tsuya_calibration_free(&c);
+        } else {
+            assert_non_null(strstr(tsuya_reason(), "photographs"));
+        }
+    }
+}
+
+static void test_edge_only(void **state)
+{
+    (void)state;
+    corners_scene s = corners_scene_default();
+    tsuya_calibration c;
+    s.side_px = 520;
+    s.spread_px = 60;
+    assert_ok(run(&c, &s));
+    assert_true(advised(&c, "cover"));
+    assert_true(advised(&c, "left corner is the least certain place"));
+    assert_honest(&c);
+    tsuya_calibration_free(&c);
+}
+
+/* Errors that all corners of a photograph share, and a bent board: sigma grows with them. */
+static void test_common_errors(void **state)
+{
+    (void)state;
+    corners_scene s = corners_scene_default();
+    tsuya_calibration c;
+    s.common_px = 0.6;
+    assert_ok(run(&c, &s));
+    assert_true(c.covariance.photo_factor > 1.5);
+    assert_true(advised(&c, "disagree"));
+    assert_honest(&c);
+    tsuya_calibration_free(&c);
+    s.common_px = 0.0;
+    s.bulge_m = 0.003;
+    assert_ok(run(&c, &s));
+    assert_true(hypot(c.covariance.photo_factor, c.covariance.tag_factor) > 1.5);
+    tsuya_calibration_free(&c);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_plain), cmocka_unit_test(test_cholmod), cmocka_unit_test(test_frontal), cmocka_unit_test(test_few),
+                                       cmocka_unit_test(test_edge_only), cmocka_unit_test(test_common_errors)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
