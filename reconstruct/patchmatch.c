@@ -260,9 +260,14 @@ static tsuya_status run_sweeps(scale *s, const sweep_plan *plan, patch_mode firs
             .reach_px = fmaxf(plan->reach_px * shrink, 0.25f),
             .tilt = fmaxf(plan->tilt * shrink, 0.06f),
             .anywhere = i < plan->anywhere,
+            .refinements = i < plan->anywhere ? 5 : 3,
+            .strips = 4,
             .polish = plan->polish && i == plan->iterations - 1,
         };
         for (pass.color = 0; pass.color < 2; pass.color++) {
+            if (i >= plan->anywhere) {
+                pass.strips = (i + pass.color) & 1 ? -2 : 2;
+            }
             TSUYA_TRY(run_pass(s, &pass, kernel, context));
         }
     }
@@ -319,7 +324,8 @@ static tsuya_status solve_photometric(scale *s, const tsuya_patchmatch_problem *
     int levels = options->coarse_to_fine ? common_levels(problem) : 1;
     for (int l = levels - 1; l >= 0; l--) {
         bool first = l == levels - 1;
-        sweep_plan plan = {options->fine_iterations, 2.0f, 0.5f, 0, l == 0};
+        /* A geometric pass that follows makes its own last tenths of a pixel. */
+        sweep_plan plan = {options->fine_iterations, 2.0f, 0.5f, 0, l == 0 && problem->filter};
         if (first) {
             plan.iterations = options->coarse_iterations;
             plan.reach_px = 8.0f;

@@ -9,7 +9,7 @@
 
 enum {
     NEIGHBOURS = 8,   /* candidates of the adaptive checkerboard */
-    REFINEMENTS = 5,
+    NEAR = 4,         /* of them in the V-shaped areas; two vertical and two horizontal strips follow */
     START_PLANES = 8,
 };
 
@@ -418,12 +418,19 @@ INLINE void plane_costs(vf *cost, vf *geometric, const lane_batch *b, const patc
     }
 }
 
-INLINE vf plane_cost_trusted(const lane_trust *trust, const lane_batch *b, const patch_level *level, lane_plane p)
+/* Ends early where no lane can stay below `limit` any more: what it returns then is above the limit, too.  Costs may be
+ * below 0 by rounding alone, hence the margin. */
+INLINE vf plane_cost_trusted(const lane_trust *trust, const lane_batch *b, const patch_level *level, lane_plane p, vf limit)
 {
     vf sum = {};
+    const vf enough = (limit + 1e-3f) * trust->sum;
+    const vi fit = possible(b, level, p);
     for (int s = 0; s < level->source_count; s++) {
         if (none(trust->weight[s] > 0.0f)) {
             continue;
+        }
+        if (none(fit & (sum < enough))) {
+            break;
         }
         vi seen;
         vf c = ncc_cost(b, &level->source[s], b->base[s], p, &seen);
@@ -432,7 +439,7 @@ INLINE vf plane_cost_trusted(const lane_trust *trust, const lane_batch *b, const
         }
         sum += trust->weight[s] * c;
     }
-    return select_f(possible(b, level, p), sum / trust->sum, splat(PATCH_COST_IMPOSSIBLE));
+    return select_f(fit, sum / trust->sum, splat(PATCH_COST_IMPOSSIBLE));
 }
 
 INLINE void take_better(lane_plane *best, vf *best_cost, lane_plane p, vf cost)

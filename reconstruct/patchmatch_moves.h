@@ -111,15 +111,16 @@ INLINE void polish(lane_plane *best, vf *best_cost, const lane_trust *trust, con
     float step = 0.25f * level->w_per_px;
     lane_plane below = *best, above = *best;
     below.w -= step, above.w += step;
+    const vf any = splat(2.0f * PATCH_COST_IMPOSSIBLE);
     vf centre = *best_cost;
-    vf c0 = plane_cost_trusted(trust, b, level, below), c1 = plane_cost_trusted(trust, b, level, above);
+    vf c0 = plane_cost_trusted(trust, b, level, below, any), c1 = plane_cost_trusted(trust, b, level, above, any);
     vf bend = c0 + c1 - 2.0f * centre;
     vf move = lane_max(lane_min(0.5f * (c0 - c1) / lane_max(bend, splat(1e-6f)), splat(1.0f)), splat(-1.0f));
     lane_plane vertex = *best;
     vertex.w += step * move;
     take_better(best, best_cost, below, c0);
     take_better(best, best_cost, above, c1);
-    take_better(best, best_cost, vertex, plane_cost_trusted(trust, b, level, vertex));
+    take_better(best, best_cost, vertex, plane_cost_trusted(trust, b, level, vertex, *best_cost));
 }
 
 INLINE lane_plane load_plane(const plane_field *field, const lane_batch *b)
@@ -159,10 +160,14 @@ INLINE int candidates(lane_plane *plane, const plane_field *field, const lane_ba
 {
     plane[0] = load_plane(field, b);
     if (pass->mode == PATCH_SWEEP) {
+        const int first = pass->strips < 0 ? NEAR + 2 : NEAR, last = pass->strips == 2 ? NEAR + 2 : NEIGHBOURS;
+        int count = 1;
         for (int k = 0; k < NEIGHBOURS; k++) {
-            plane[1 + k] = area_plane(field, b, k, plane[0]);
+            if (k < NEAR || (k >= first && k < last)) {
+                plane[count++] = area_plane(field, b, k, plane[0]);
+            }
         }
-        return 1 + NEIGHBOURS;
+        return count;
     }
     if (pass->mode == PATCH_START) {
         vi blank = plane[0].w <= 0.0f;
@@ -206,9 +211,9 @@ static void batch_pass(const patch_level *level, plane_field *field, const patch
         vf c = trusted_cost(&trust, cost[k], level->geometric ? geometric[k] : NULL, level->source_count);
         take_better(&best, &best_cost, plane[k], select_f(possible(b, level, plane[k]), c, splat(PATCH_COST_IMPOSSIBLE)));
     }
-    for (int k = 0; k < REFINEMENTS && pass->mode == PATCH_SWEEP; k++) {
+    for (int k = 0; k < pass->refinements && pass->mode == PATCH_SWEEP; k++) {
         lane_plane p = refinement(k, b, level, pass, best);
-        take_better(&best, &best_cost, p, plane_cost_trusted(&trust, b, level, p));
+        take_better(&best, &best_cost, p, plane_cost_trusted(&trust, b, level, p, best_cost));
     }
     if (pass->polish) {
         polish(&best, &best_cost, &trust, b, level);

@@ -65,6 +65,8 @@ typedef struct patch_pass {
     uint32_t turn; /* makes random numbers of every pass different */
     float good_limit; /* cost under which a plane speaks for a source */
     float reach_px, tilt; /* largest perturbation of depth (in source pixels) and of the normal */
+    int refinements; /* perturbed planes a pixel, up to 5 */
+    int strips;      /* far neighbours asked: 4 all round, 2 the vertical ones, −2 the horizontal ones */
     bool anywhere; /* refinement may also jump over the whole depth range */
     bool polish;   /* parabola through the cost at neighbouring depths */
 } patch_pass;
