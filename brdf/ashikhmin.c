@@ -22,8 +22,9 @@ static double normalisation(const tsuya_lobe *l) { return sqrt((l->shape[0] + 1.
 static void eval(const void *state, int channels, tsuya_vec3 wi, tsuya_vec3 wo, double *value)
 {
     const tsuya_lobe *l = state;
-    tsuya_vec3 h = tsuya_vec3_unit(tsuya_vec3_add(wi, wo));
-    double k = fmax(tsuya_vec3_dot(wi, h), 1e-9), m = 1.0 - fmin(k, 1.0), m5 = m * m * m * m * m;
+    tsuya_vec3 sum = tsuya_vec3_add(wi, wo), h = tsuya_vec3_unit(sum);
+    /* wi·h in a form that both orders share where they nearly oppose each other */
+    double k = fmax(0.5 * tsuya_vec3_norm(sum), 1e-9), m = 1.0 - fmin(k, 1.0), m5 = m * m * m * m * m;
     double fresnel = 1.0 + (1.0 / normal_reflectance - 1.0) * m5;
     double f = 0.25 * normalisation(l) * facets(l, h) * fresnel / (k * fmax(wi.z, wo.z));
     for (int c = 0; c < channels; ++c) {
@@ -39,8 +40,8 @@ static void eval_batch(const void *state, int channels, const tsuya_direction_ba
     for (int i = 0; i < b->count; ++i) {
         bool seen = b->wi_z[i] > 0.0f && b->wo_z[i] > 0.0f;
         float hx = b->wi_x[i] + b->wo_x[i], hy = b->wi_y[i] + b->wo_y[i], hz = seen ? b->wi_z[i] + b->wo_z[i] : 1.0f;
-        float across = hx * hx + hy * hy, inverse = 1.0f / sqrtf(across + hz * hz), ratio = across / (hz * hz);
-        float k = fmaxf((b->wi_x[i] * hx + b->wi_y[i] * hy + b->wi_z[i] * hz) * inverse, 1e-9f), m = fmaxf(1.0f - k, 0.0f);
+        float across = hx * hx + hy * hy, ratio = across / (hz * hz);
+        float k = fmaxf(0.5f * sqrtf(across + hz * hz), 1e-9f), m = fmaxf(1.0f - k, 0.0f);
         float exponent = across > 0.0f ? (nu * hx * hx + nv * hy * hy) / across : 0.0f;
         float top = seen ? fmaxf(b->wi_z[i], b->wo_z[i]) : 1.0f, e = -0.5f * exponent * log1pf(ratio);
         value[i] = e > -80.0f ? scale * expf(e) * (1.0f + rise * m * m * m * m * m) / (k * top) : 0.0f;

@@ -136,7 +136,7 @@ static float allowed(const float *albedo, int side, int i, int j)
             }
         }
     }
-    return 1.0f / (largest > 1.0f ? 1.005f * largest : 1.0f);
+    return 1.0f / (largest > 1.0f ? 1.01f * largest : 1.0f);
 }
 
 tsuya_status tsuya_limit_table_create(tsuya_albedo_table **limit, const tsuya_brdf_model *model, const void *state, int channels)
@@ -164,6 +164,13 @@ tsuya_status tsuya_limit_table_create(tsuya_albedo_table **limit, const tsuya_br
     }
     for (int node = 0; node < t->side * t->side; ++node) {
         t->value[node] = allowed(albedo, t->side, node % t->side, node / t->side);
+    }
+    float *pole = t->value; /* one direction, one factor */
+    for (int u = 1; u < t->side; ++u) {
+        pole[0] = fminf(pole[0], pole[u]);
+    }
+    for (int u = 1; u < t->side; ++u) {
+        pole[u] = pole[0];
     }
     tsuya_free(albedo);
     *limit = t;
@@ -242,12 +249,32 @@ add_plane(const tsuya_albedo_table *table, int channel, float scale, const tsuya
     }
 }
 
-void tsuya_limit_batch(const tsuya_albedo_table *limit, const tsuya_direction_batch *d, float *value)
+__attribute__((target_clones("arch=x86-64-v3", "default"))) static void
+limit_block(const tsuya_albedo_table *limit, const tsuya_direction_batch *d, int from, int count, float *restrict factor)
 {
-    for (int k = 0; k < d->count; ++k) {
-        float zi = d->wi_z[k] > 0.0f ? d->wi_z[k] : 1.0f, zo = d->wo_z[k] > 0.0f ? d->wo_z[k] : 1.0f;
-        float a = cell_value(limit->value, limit->side, 1, cell_of(limit->side, d->wi_x[k], d->wi_y[k], zi));
-        value[k] *= a * cell_value(limit->value, limit->side, 1, cell_of(limit->side, d->wo_x[k], d->wo_y[k], zo));
+    const float *restrict ix = d->wi_x + from, *restrict iy = d->wi_y + from, *restrict iz = d->wi_z + from;
+    const float *restrict ox = d->wo_x + from, *restrict oy = d->wo_y + from, *restrict oz = d->wo_z + from;
+#pragma omp simd
+    for (int k = 0; k < count; ++k) {
+        float zi = iz[k] > 0.0f ? iz[k] : 1.0f, zo = oz[k] > 0.0f ? oz[k] : 1.0f;
+        float a = cell_value(limit->value, SIDE_FINE, 1, cell_of(SIDE_FINE, ix[k], iy[k], zi));
+        factor[k] = a * cell_value(limit->value, SIDE_FINE, 1, cell_of(SIDE_FINE, ox[k], oy[k], zo));
+    }
+}
+
+void tsuya_limit_batch(const tsuya_albedo_table *limit, int channels, const tsuya_direction_batch *d, float *value)
+{
+    enum { BLOCK = 256 };
+    float factor[BLOCK];
+    for (int from = 0; from < d->count; from += BLOCK) {
+        int count = d->count - from < BLOCK ? d->count - from : BLOCK;
+        limit_block(limit, d, from, count, factor);
+        for (int c = 0; c < channels; ++c) {
+            float *restrict plane = value + (size_t)c * (size_t)d->count + from;
+            for (int k = 0; k < count; ++k) {
+                plane[k] *= factor[k];
+            }
+        }
     }
 }
 

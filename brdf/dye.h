@@ -28,8 +28,8 @@ TSUYA_MUST_CHECK tsuya_status tsuya_albedo_table_create(tsuya_albedo_table **tab
  * largest albedo over the channels is A.  Reciprocal, since both directions get theirs. */
 TSUYA_MUST_CHECK tsuya_status tsuya_limit_table_create(tsuya_albedo_table **limit, const tsuya_brdf_model *model, const void *state,
                                                        int channels);
-/* value[k] *= s(wi) s(wo) */
-void tsuya_limit_batch(const tsuya_albedo_table *limit, const tsuya_direction_batch *batch, float *value);
+/* value[c * count + k] *= s(wi) s(wo) */
+void tsuya_limit_batch(const tsuya_albedo_table *limit, int channels, const tsuya_direction_batch *batch, float *value);
 void tsuya_albedo_table_free(tsuya_albedo_table *table);
 size_t tsuya_albedo_table_bytes(const tsuya_albedo_table *table);
 

@@ -43,6 +43,9 @@ static void hold_at_one(tsuya_material *m)
         over |= m->dye[c] + (double)highest > 1.0;
     }
     m->coupling = over ? TSUYA_DYE_UNDER_SURFACE : TSUYA_DYE_LAMBERT;
+    for (int c = 0; c < m->channel_count && over; ++c) {
+        m->dye[c] = fmin(m->dye[c], 0.995); /* the albedo's table is good to a few 1e-3, and the sum stays below 1 */
+    }
 }
 
 static tsuya_status fit_once(tsuya_material **material, double *reciprocal_condition, const tsuya_brdf_model *model, training *t,

@@ -52,40 +52,44 @@ static void eval(const void *state, int channels, tsuya_vec3 wi, tsuya_vec3 wo, 
     }
 }
 
+/* The lobe of one block, and Fη(wi·h)/Fη(0), which the channels share. */
 __attribute__((target_clones("avx512f", "avx2", "default"))) static void
-eval_plane(const ggx *g, double strength, const tsuya_direction_batch *batch, float *restrict value)
+lobe_block(const ggx *g, const tsuya_direction_batch *batch, int from, int count, float *restrict lobe, float *restrict relative)
 {
     const float ax = (float)g->alpha_x, ay = (float)g->alpha_y, eta2 = (float)(g->eta * g->eta - 1.0);
     const float rx = 1.0f / ax, ry = 1.0f / ay, scale = (float)(1.0 / (2.0 * M_PI * g->alpha_x * g->alpha_y));
-    const float ks = (float)(strength / g->fresnel0);
-    const float *restrict ix = batch->wi_x, *restrict iy = batch->wi_y, *restrict iz = batch->wi_z;
-    const float *restrict ox = batch->wo_x, *restrict oy = batch->wo_y, *restrict oz = batch->wo_z;
+    const float half = (float)(0.5 / g->fresnel0);
+    const float *restrict ix = batch->wi_x + from, *restrict iy = batch->wi_y + from, *restrict iz = batch->wi_z + from;
+    const float *restrict ox = batch->wo_x + from, *restrict oy = batch->wo_y + from, *restrict oz = batch->wo_z + from;
 #pragma omp simd
-    for (int k = 0; k < batch->count; ++k) {
+    for (int k = 0; k < count; ++k) {
         float hx = ix[k] + ox[k], hy = iy[k] + oy[k], hz = iz[k] + oz[k];
         float h2 = hx * hx + hy * hy + hz * hz, inverse2 = 1.0f / (h2 > 1e-30f ? h2 : 1e-30f), inverse = sqrtf(inverse2);
         float cosine = (ix[k] * hx + iy[k] * hy + iz[k] * hz) * inverse;
         float gg = sqrtf(eta2 + cosine * cosine);
         float a = (gg - cosine) / (gg + cosine), b = (cosine * (gg + cosine) - 1.0f) / (cosine * (gg - cosine) + 1.0f);
-        float reflectance = ks * 0.5f * a * a * (1.0f + b * b);
+        relative[k] = half * a * a * (1.0f + b * b);
         float x = hx * rx, y = hy * ry, q = (x * x + y * y + hz * hz) * inverse2;
         float si = sqrtf(iz[k] * iz[k] + ax * ax * ix[k] * ix[k] + ay * ay * iy[k] * iy[k]);
         float so = sqrtf(oz[k] * oz[k] + ax * ax * ox[k] * ox[k] + ay * ay * oy[k] * oy[k]);
-        float capped = reflectance < 1.0f ? reflectance : 1.0f;
-        value[k] = capped * scale / (q * q * (oz[k] * si + iz[k] * so));
+        lobe[k] = scale / (q * q * (oz[k] * si + iz[k] * so));
     }
 }
 
 static void eval_batch(const void *state, int channels, const tsuya_direction_batch *batch, float *value)
 {
+    enum { BLOCK = 256 };
     const ggx *g = state;
-    size_t count = (size_t)batch->count;
-    for (int c = 0; c < channels; ++c) {
-        bool seen = c > 0 && g->strength[c] == g->strength[c - 1];
-        if (seen) {
-            memcpy(value + (size_t)c * count, value + (size_t)(c - 1) * count, count * sizeof *value);
-        } else {
-            eval_plane(g, g->strength[c], batch, value + (size_t)c * count);
+    float lobe[BLOCK], relative[BLOCK];
+    for (int from = 0; from < batch->count; from += BLOCK) {
+        int count = batch->count - from < BLOCK ? batch->count - from : BLOCK;
+        lobe_block(g, batch, from, count, lobe, relative);
+        for (int c = 0; c < channels; ++c) {
+            float strength = (float)g->strength[c], *restrict to = value + (size_t)c * (size_t)batch->count + from;
+            for (int k = 0; k < count; ++k) {
+                float reflectance = strength * relative[k];
+                to[k] = (reflectance < 1.0f ? reflectance : 1.0f) * lobe[k];
+            }
         }
     }
 }

@@ -256,8 +256,8 @@ void tsuya_material_eval_batch(const tsuya_material *m, const double *dye, const
     dye = dye ? dye : m->dye;
     int count = batch->count;
     m->model->eval_batch(m->state, m->channel_count, batch, value);
-    for (int c = 0; c < m->channel_count && m->limit; ++c) {
-        tsuya_limit_batch(m->limit, batch, value + (size_t)c * (size_t)count);
+    if (m->limit) {
+        tsuya_limit_batch(m->limit, m->channel_count, batch, value);
     }
     if (m->coupling == TSUYA_DYE_UNDER_SURFACE) {
         tsuya_dye_add_batch(m->albedo, dye, batch, value);

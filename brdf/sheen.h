@@ -29,7 +29,7 @@ typedef struct tsuya_sheen {
     int nu, nv, nd;                     /* S: nu functions round φ, nv intervals of θh in [0, π/2], nd of θd (0: none); nu = 0: no S */
     int line;                           /* channels rounded up to a multiple of four */
     float *net;                         /* ((d * nu + u) * (nv + 3) + v) * line + c; v counts from one step before the pole */
-    float *fast_curve;                  /* for batches: warp along, weft across, then warp across, weft along */
+    float *fast_curve;                  /* for batches, in pairs: warp along and weft across; then warp across and weft along */
     struct tsuya_half_table *half;      /* for sampling */
 } tsuya_sheen;
 

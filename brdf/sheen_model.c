@@ -32,10 +32,9 @@ static double half_density(const void *user, tsuya_vec3 h)
 tsuya_status tsuya_sheen_prepare(tsuya_sheen *s)
 {
     static const int order[4] = {TSUYA_SHEEN_WARP_ALONG, TSUYA_SHEEN_WEFT_ACROSS, TSUYA_SHEEN_WARP_ACROSS, TSUYA_SHEEN_WEFT_ALONG};
-    for (int k = 0; k < 4; ++k) {
-        for (int i = 0; i < s->spans + 3; ++i) {
-            s->fast_curve[k * (s->spans + 3) + i] = (float)s->curve[order[k]][i];
-        }
+    for (int k = 0; k < 4 * (s->spans + 3); ++k) {
+        int table = k / (2 * (s->spans + 3)), i = k / 2 % (s->spans + 3);
+        s->fast_curve[k] = (float)s->curve[order[2 * table + k % 2]][i];
     }
     tsuya_half_table_free(s->half);
     return tsuya_half_table_create(&s->half, half_density, s);
