@@ -14,7 +14,8 @@ set(TSUYA_PUBLIC_HEADERS
   calib/apriltag_adapter.h
   calib/board.h
   calib/calibrate.h
-  calib/corners.h calib/covariance.h
+  calib/corners.h
+  calib/covariance.h
   calib/detect.h
   calib/projection.h
   calib/refine.h
