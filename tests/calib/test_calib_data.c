@@ -147,8 +147,70 @@ static void test_euroc(void **state)
     tsuya_board_free(&board);
 }
 
+/* Two plates on black cloth, a phone in the hand: seven of ten photographs are blurred by motion. */
+static void test_two_boards(void **state)
+{
+    (void)state;
+    const char *folder = test_data("calib/two_boards"), *file = test_data("calib/two_boards/boards.yaml");
+    if (!folder || !file) {
+        skip();
+    }
+    loaded l;
+    tsuya_board board;
+    tsuya_corner_set corners;
+    tsuya_detect_info detected;
+    tsuya_calibration c;
+    tsuya_context context = tsuya_context_default();
+    tsuya_calibrate_options options = tsuya_calibrate_options_default();
+    int tags = 0;
+    list_photos(&l, folder, 1);
+    assert_ok(tsuya_board_load(&board, file));
+    assert_ok(tsuya_detect_photos(&corners, &detected, &board, l.path, l.count, &context));
+    assert_ok(tsuya_calibrate(&c, &board, &corners, detected.width_px, detected.height_px, &options, &context));
+    report("two_boards", &c);
+    for (int i = 0; i < l.count; i++) {
+        tags += detected.report[i].tags;
+    }
+    printf("  %d tags, %.2f +- %.2f degrees\n", tags, c.plate[0].angle_deg, c.plate[0].angle_sd_deg);
+    assert_true(tags >= 1000);
+    assert_int_equal(c.photos_used, 10);
+    assert_true(c.solve.rms_px <= 0.38);
+    assert_true(c.solve.outliers <= 0.05 * c.solve.observation_count);
+    assert_near(c.plate[0].angle_deg, 93.8, 0.3);
+    assert_near(c.solve.camera.fx_px / 3070.0, 1.0, 0.01);
+    assert_true(tsuya_projection_center(&c.sigma_infinity) > 0.08); /* halves differ by 0.8 px there */
+    tsuya_calibration_free(&c);
+    tsuya_detect_info_free(&detected);
+    tsuya_corner_set_free(&corners);
+    tsuya_board_free(&board);
+    tsuya_arena_free(l.arena);
+}
+
+/* A heavy fisheye in 16 bits. */
+static void test_fisheye(void **state)
+{
+    (void)state;
+    const char *path = test_data("calib/kalibr_grids/TUM_VI.png");
+    if (!path) {
+        skip();
+    }
+    tsuya_board board;
+    tsuya_corner_set corners;
+    tsuya_detect_info detected;
+    tsuya_context context = tsuya_context_default();
+    grid_of_88(&board);
+    assert_ok(tsuya_detect_photos(&corners, &detected, &board, &path, 1, &context));
+    printf("TUM_VI.png: %d tags, %d corners\n", detected.report[0].tags, corners.count);
+    assert_true(detected.report[0].tags >= 29);
+    assert_true(corners.count >= 100);
+    tsuya_detect_info_free(&detected);
+    tsuya_corner_set_free(&corners);
+    tsuya_board_free(&board);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_d435i), cmocka_unit_test(test_euroc)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_two_boards), cmocka_unit_test(test_fisheye), cmocka_unit_test(test_d435i),
+                                       cmocka_unit_test(test_euroc)};
     return test_data("calib") ? cmocka_run_group_tests(tests, NULL, NULL) : TEST_SKIPPED;
 }
