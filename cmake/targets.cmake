@@ -59,4 +59,8 @@ function(tsuya_test room name)
     set(arg_TIMEOUT 120)
   endif()
   set_tests_properties(${room}/${name} PROPERTIES LABELS "${room};${arg_LABELS}" SKIP_RETURN_CODE 77 TIMEOUT ${arg_TIMEOUT})
+  if(TSUYA_SANITIZE STREQUAL "thread")
+    set_tests_properties(${room}/${name} PROPERTIES
+      ENVIRONMENT "OMP_NUM_THREADS=1;TSAN_OPTIONS=suppressions=${PROJECT_SOURCE_DIR}/cmake/tsan.supp:ignore_noninstrumented_modules=1")
+  endif()
 endfunction()

@@ -1,12 +1,15 @@
 #include "core/context.h"
 
+#include <assert.h>
 #include <math.h>
 #include <omp.h>
-#include <signal.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <time.h>
 
-static volatile sig_atomic_t interrupt_flag;
+/* Set by a signal handler, read by every thread: a lock-free atomic may do both (C17 7.14.1.1). */
+static atomic_int interrupt_flag;
+static_assert(ATOMIC_INT_LOCK_FREE == 2, "a signal handler may not take a lock");
 
 tsuya_context tsuya_context_default(void)
 {
@@ -24,22 +27,22 @@ void tsuya_progress_update(const tsuya_context *context, const char *label, doub
 
 void tsuya_interrupt(void)
 {
-    interrupt_flag = 1;
+    atomic_store_explicit(&interrupt_flag, 1, memory_order_relaxed);
 }
 
 void tsuya_interrupt_clear(void)
 {
-    interrupt_flag = 0;
+    atomic_store_explicit(&interrupt_flag, 0, memory_order_relaxed);
 }
 
 bool tsuya_interrupted(void)
 {
-    return interrupt_flag != 0;
+    return atomic_load_explicit(&interrupt_flag, memory_order_relaxed) != 0;
 }
 
 tsuya_status tsuya_check_interrupt(void)
 {
-    return interrupt_flag ? tsuya_fail(TSUYA_ERROR_INTERRUPTED, "interrupted") : TSUYA_OK;
+    return tsuya_interrupted() ? tsuya_fail(TSUYA_ERROR_INTERRUPTED, "interrupted") : TSUYA_OK;
 }
 
 double tsuya_clock_s(void)
