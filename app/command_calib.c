@@ -179,6 +179,48 @@ static void judge_drift(tsuya_json *figures, const compare_input *input, const t
     }
 }
 
+/* Covered by the corners.vnl beside a model; `there` false without one. */
+static tsuya_status cover_beside(bool *there, tsuya_projection_map *map, const char *model, const tsuya_camera *camera)
+{
+    tsuya_corner_set corners;
+    char *folder = tsuya_path_folder(model), *path = folder ? tsuya_path_join(folder, "corners.vnl") : NULL;
+    tsuya_status status = path ? TSUYA_OK : TSUYA_ERROR_MEMORY;
+    *there = path && tsuya_path_exists(path);
+    if (*there) {
+        status = tsuya_corner_set_load(&corners, path, camera->width_px, camera->height_px);
+    }
+    if (*there && status == TSUYA_OK) {
+        tsuya_projection_cover_corners(map, &corners, camera->width_px, camera->height_px);
+        tsuya_corner_set_free(&corners);
+    }
+    tsuya_free(path);
+    tsuya_free(folder);
+    return status;
+}
+
+/* Models are held against each other, and aligned, where both saw their boards: beyond, lenses that fit alike run apart by
+ * hundreds of pixels.  Where that is not known, in the image's middle. */
+static tsuya_status cover_both(tsuya_json *figures, tsuya_projection_map *map, const compare_input *input, const tsuya_camera camera[2])
+{
+    tsuya_projection_map other;
+    bool there[2] = {false, false};
+    TSUYA_TRY(tsuya_projection_map_create(&other, map->cols, map->rows));
+    tsuya_status status = cover_beside(&there[0], map, input->model[0], &camera[0]);
+    if (status == TSUYA_OK) {
+        status = cover_beside(&there[1], &other, input->model[1], &camera[1]);
+    }
+    if (there[0] && there[1]) {
+        for (int i = 0; i < map->cols * map->rows; i++) {
+            map->covered[i] &= other.covered[i];
+        }
+    } else {
+        tsuya_projection_cover_middle(map, camera[0].width_px, camera[0].height_px);
+    }
+    tsuya_json_set_text(figures, "compared", there[0] && there[1] ? "where both saw the board" : "in the image's middle: no corners.vnl beside both models");
+    tsuya_projection_map_free(&other);
+    return status;
+}
+
 static tsuya_status save_picture(const compare_input *input, const tsuya_projection_map *map, const tsuya_camera *camera, double high)
 {
     tsuya_image picture = {0};
@@ -204,7 +246,10 @@ static tsuya_status compare(tsuya_json *figures, const compare_input *input)
         TSUYA_TRY(tsuya_cameramodel_load(&camera[i], NULL, input->model[i]));
     }
     TSUYA_TRY(tsuya_projection_map_create(&map, MAP_COLS, MAP_ROWS));
-    tsuya_status status = tsuya_projection_difference(&map, &motion, &camera[0], &camera[1], input->distance_m);
+    tsuya_status status = cover_both(figures, &map, input, camera);
+    if (status == TSUYA_OK) {
+        status = tsuya_projection_difference(&map, &motion, &camera[0], &camera[1], input->distance_m);
+    }
     if (status == TSUYA_OK) {
         status = tsuya_projection_summary(&stats, &map);
     }
@@ -216,7 +261,9 @@ static tsuya_status compare(tsuya_json *figures, const compare_input *input)
         tsuya_json_set_number(d, "max", stats.max);
         tsuya_json_set_number(d, "center", tsuya_projection_center(&map));
         tsuya_json_set_number(d, "corner", tsuya_projection_corner(&which, &map));
-        tsuya_json_set_number(figures, "distance_m", input->distance_m);
+        if (isfinite(input->distance_m)) {
+            tsuya_json_set_number(figures, "distance_m", input->distance_m);
+        }
         tsuya_json_set_number(figures, "rotation_deg", tsuya_deg_from_rad(tsuya_mat3_rotation_angle_rad(motion.rotation)));
         tsuya_json_set_number(figures, "translation_m", tsuya_vec3_norm(motion.translation));
         judge_drift(figures, input, &map);

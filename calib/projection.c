@@ -35,20 +35,45 @@ tsuya_vec2 tsuya_projection_pixel(const tsuya_projection_map *map, const tsuya_c
                         (double)(cell / map->cols) * (camera->height_px - 1) / (map->rows - 1)};
 }
 
+/* The cells within one and a half of a pixel. */
+static void mark(tsuya_projection_map *map, int width_px, int height_px, double x_px, double y_px)
+{
+    double x = x_px * (map->cols - 1.0) / (width_px - 1), y = y_px * (map->rows - 1.0) / (height_px - 1);
+    for (int j = (int)ceil(y - 1.5); j <= y + 1.5; j++) {
+        for (int i = (int)ceil(x - 1.5); i <= x + 1.5; i++) {
+            if (i >= 0 && j >= 0 && i < map->cols && j < map->rows) {
+                map->covered[j * map->cols + i] = true;
+            }
+        }
+    }
+}
+
 void tsuya_projection_cover(tsuya_projection_map *map, const tsuya_solve *solve)
 {
     memset(map->covered, false, (size_t)map->cols * (size_t)map->rows * sizeof *map->covered);
-    double sx = (map->cols - 1.0) / (solve->camera.width_px - 1), sy = (map->rows - 1.0) / (solve->camera.height_px - 1);
     for (int k = 0; k < solve->observation_count; k++) {
         const tsuya_solve_observation *o = &solve->observation[k];
-        double x = sx * o->pixel.x, y = sy * o->pixel.y;
-        for (int j = (int)ceil(y - 1.5); j <= y + 1.5 && !o->outlier; j++) {
-            for (int i = (int)ceil(x - 1.5); i <= x + 1.5; i++) {
-                if (i >= 0 && j >= 0 && i < map->cols && j < map->rows) {
-                    map->covered[j * map->cols + i] = true;
-                }
-            }
+        if (!o->outlier) {
+            mark(map, solve->camera.width_px, solve->camera.height_px, o->pixel.x, o->pixel.y);
         }
+    }
+}
+
+void tsuya_projection_cover_corners(tsuya_projection_map *map, const tsuya_corner_set *corners, int width_px, int height_px)
+{
+    memset(map->covered, false, (size_t)map->cols * (size_t)map->rows * sizeof *map->covered);
+    for (int k = 0; k < corners->count; k++) {
+        mark(map, width_px, height_px, corners->corner[k].x_px, corners->corner[k].y_px);
+    }
+}
+
+void tsuya_projection_cover_middle(tsuya_projection_map *map, int width_px, int height_px)
+{
+    const tsuya_camera frame = {.width_px = width_px, .height_px = height_px};
+    double reach = fmin(width_px, height_px) / 3.0;
+    for (int cell = 0; cell < map->cols * map->rows; cell++) {
+        tsuya_vec2 q = tsuya_projection_pixel(map, &frame, cell);
+        map->covered[cell] = hypot(q.x - 0.5 * (width_px - 1), q.y - 0.5 * (height_px - 1)) <= reach;
     }
 }
 

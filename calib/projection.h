@@ -20,6 +20,9 @@ TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_projection_map_create(tsuya_projec
 TSUYA_API void tsuya_projection_map_free(tsuya_projection_map *map);
 /* Marks the cells that have a corner of the solve within one and a half cells. */
 TSUYA_API void tsuya_projection_cover(tsuya_projection_map *map, const tsuya_solve *solve);
+/* The same for corners of a file, and for a disc of a third of the image's shorter side around its middle. */
+TSUYA_API void tsuya_projection_cover_corners(tsuya_projection_map *map, const tsuya_corner_set *corners, int width_px, int height_px);
+TSUYA_API void tsuya_projection_cover_middle(tsuya_projection_map *map, int width_px, int height_px);
 TSUYA_API tsuya_vec2 tsuya_projection_pixel(const tsuya_projection_map *map, const tsuya_camera *camera, int cell);
 
 /* |b's pixel − a's pixel| of points at a distance (INFINITY: directions), the best motion taken out.  `b_from_a` may be NULL. */

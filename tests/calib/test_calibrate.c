@@ -142,9 +142,46 @@ static void test_common_errors(void **state)
     tsuya_calibration_free(&c);
 }
 
+/* Two calibrations of one camera agree where both saw the board, within what their uncertainties allow. */
+static void test_compare(void **state)
+{
+    (void)state;
+    tsuya_board board;
+    tsuya_camera camera[2];
+    double sigma[2];
+    tsuya_corner_set corners;
+    tsuya_projection_map map;
+    tsuya_projection_stats stats;
+    scene_board(&board);
+    assert_ok(tsuya_projection_map_create(&map, 41, 31));
+    for (int i = 0; i < 2; i++) {
+        corners_scene s = corners_scene_default();
+        tsuya_calibration c;
+        s.seed = 5 + (uint64_t)i;
+        assert_ok(run(&c, &s));
+        camera[i] = c.solve.camera;
+        sigma[i] = tsuya_projection_center(&c.sigma_infinity);
+        tsuya_calibration_free(&c);
+        scene_corners(&corners, &s, &board);
+        tsuya_projection_cover_corners(&map, &corners, SCENE_WIDTH, SCENE_HEIGHT);
+        tsuya_corner_set_free(&corners);
+    }
+    assert_ok(tsuya_projection_difference(&map, NULL, &camera[0], &camera[1], INFINITY));
+    assert_ok(tsuya_projection_summary(&stats, &map));
+    printf("  compared: mean %.3f max %.3f centre %.3f, sigmas %.3f %.3f\n", stats.mean, stats.max, tsuya_projection_center(&map), sigma[0], sigma[1]);
+    assert_true(tsuya_projection_center(&map) <= 3.0 * hypot(sigma[0], sigma[1]));
+    camera[1].fx_px *= 1.01;
+    assert_ok(tsuya_projection_difference(&map, NULL, &camera[0], &camera[1], INFINITY));
+    assert_ok(tsuya_projection_summary(&stats, &map));
+    assert_true(stats.p90 > 1.0);
+    tsuya_projection_map_free(&map);
+    tsuya_board_free(&board);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_plain), cmocka_unit_test(test_cholmod), cmocka_unit_test(test_frontal), cmocka_unit_test(test_few),
-                                       cmocka_unit_test(test_edge_only), cmocka_unit_test(test_common_errors)};
+                                       cmocka_unit_test(test_edge_only), cmocka_unit_test(test_common_errors),
+                                       cmocka_unit_test(test_compare)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
