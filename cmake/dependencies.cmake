@@ -14,6 +14,7 @@ pkg_check_modules(XXHASH REQUIRED IMPORTED_TARGET libxxhash)
 pkg_check_modules(SQLITE REQUIRED IMPORTED_TARGET sqlite3)
 pkg_check_modules(CMOCKA REQUIRED IMPORTED_TARGET cmocka)
 pkg_check_modules(APRILTAG REQUIRED IMPORTED_TARGET apriltag)
+pkg_check_modules(CAIRO REQUIRED IMPORTED_TARGET cairo-pdf)
 pkg_check_modules(PCL_SURFACE REQUIRED IMPORTED_TARGET
   pcl_common pcl_kdtree pcl_search pcl_features pcl_filters pcl_surface)
 

@@ -8,6 +8,7 @@ set(TSUYA_PUBLIC_HEADERS
   brdf/samples_join.h
   capture/check.h
   capture/studio.h
+  capture/target.h
   capture/studio_goniometer.h
   capture/studio_sensor.h
   capture/studio_session.h
