@@ -7,6 +7,7 @@ set(TSUYA_PUBLIC_HEADERS
   brdf/samples_color.h
   brdf/samples_join.h
   capture/check.h
+  capture/drape.h
   capture/studio.h
   capture/target.h
   capture/studio_goniometer.h

@@ -1,0 +1,195 @@
+/* Flat sheets to be draped, and draped sheets as meshes with their weft. */
+#include "capture/drape_parts.h"
+
+#include "core/memory.h"
+
+#include <math.h>
+#include <string.h>
+
+tsuya_status tsuya_drape_sheet_create(tsuya_drape_sheet *s, size_t vertices, size_t triangles)
+{
+    tsuya_status status;
+    *s = (tsuya_drape_sheet){.vertex_count = vertices, .triangle_count = triangles};
+    TSUYA_NEW(status, s->position, 3 * vertices);
+    TSUYA_NEW(status, s->fixed, vertices);
+    TSUYA_NEW(status, s->triangle, 3 * triangles);
+    TSUYA_NEW(status, s->uv, 6 * triangles);
+    return TSUYA_OK;
+done:
+    tsuya_drape_sheet_free(s);
+    return status;
+}
+
+void tsuya_drape_sheet_free(tsuya_drape_sheet *s)
+{
+    tsuya_free(s->position);
+    tsuya_free(s->fixed);
+    tsuya_free(s->triangle);
+    tsuya_free(s->uv);
+    *s = (tsuya_drape_sheet){0};
+}
+
+/* Corners, and where they lie in the flat cloth: where they stand now. */
+static void set_flat(tsuya_drape_sheet *s, size_t t, uint32_t a, uint32_t b, uint32_t c)
+{
+    const uint32_t v[3] = {a, b, c};
+    for (size_t i = 0; i < 3; i++) {
+        s->triangle[3 * t + i] = v[i];
+        s->uv[6 * t + 2 * i] = s->position[3 * v[i]];
+        s->uv[6 * t + 2 * i + 1] = s->position[3 * v[i] + 1];
+    }
+}
+
+tsuya_status tsuya_drape_sheet_grid(tsuya_drape_sheet *s, double u0_m, double v0_m, double spacing_m, int columns, int rows)
+{
+    if (!(spacing_m > 0.0) || columns < 1 || rows < 1 || columns > 10000 || rows > 10000) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "drape: a sheet of %d x %d cells of %g m; 1 to 10000 cells above 0 m are accepted", columns, rows, spacing_m);
+    }
+    TSUYA_TRY(tsuya_drape_sheet_create(s, (size_t)(columns + 1) * (size_t)(rows + 1), 2 * (size_t)columns * (size_t)rows));
+    for (int j = 0; j <= rows; j++) {
+        for (int i = 0; i <= columns; i++) {
+            double *p = s->position + 3 * (j * (columns + 1) + i);
+            p[0] = u0_m + spacing_m * i;
+            p[1] = v0_m + spacing_m * j;
+        }
+    }
+    for (int j = 0, t = 0; j < rows; j++) {
+        for (int i = 0; i < columns; i++, t += 2) {
+            uint32_t a = (uint32_t)(j * (columns + 1) + i), d = a + (uint32_t)columns + 1;
+            bool turned = (i + j) % 2 != 0;
+            set_flat(s, (size_t)t, a, a + 1, turned ? d : d + 1);
+            set_flat(s, (size_t)t + 1, turned ? a + 1 : a, d + 1, d);
+        }
+    }
+    return TSUYA_OK;
+}
+
+/* Ring k has 6 k vertices. */
+static uint32_t ring_vertex(int ring, int k) { return ring == 0 ? 0 : (uint32_t)(3 * ring * (ring - 1) + 1 + k % (6 * ring)); }
+
+tsuya_status tsuya_drape_sheet_disc(tsuya_drape_sheet *s, double radius_m, double clamp_m, double spacing_m)
+{
+    if (!(spacing_m > 0.0) || !(radius_m > 2.0 * spacing_m) || !(clamp_m >= 0.0 && clamp_m < radius_m - spacing_m) || radius_m / spacing_m > 1000.0) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "drape: a disc of %g m held up to %g m in rings of %g m; from 2 to 1000 rings are accepted", radius_m,
+                          clamp_m, spacing_m);
+    }
+    double half = 0.5 * spacing_m;
+    int inner = clamp_m > 0.0 ? (int)lround((clamp_m - half) / spacing_m) : 0, outer = (int)lround((radius_m - clamp_m - (inner ? half : 0.0)) / spacing_m);
+    int rings = inner + outer + (inner ? 1 : 0);
+    TSUYA_TRY(tsuya_drape_sheet_create(s, (size_t)(3 * rings * (rings + 1) + 1), (size_t)(6 * rings * rings)));
+    for (int r = 0; r <= rings; r++) {
+        double radius = !inner ? radius_m * r / rings : r <= inner ? (clamp_m - half) * r / inner
+                        : clamp_m + half + (radius_m - clamp_m - half) * (r - inner - 1) / outer;
+        for (int k = 0; k < (r ? 6 * r : 1); k++) {
+            uint32_t v = ring_vertex(r, k);
+            s->position[3 * v] = radius * cos(2.0 * M_PI * k / fmax(6.0 * r, 1.0));
+            s->position[3 * v + 1] = radius * sin(2.0 * M_PI * k / fmax(6.0 * r, 1.0));
+            s->fixed[v] = inner > 0 && r <= inner;
+        }
+    }
+    size_t t = 0;
+    for (int r = 1; r <= rings; r++) {
+        for (int side = 0; side < 6; side++) {
+            for (int k = 0; k < r; k++) {
+                int out = side * r + k, in = side * (r - 1) + k;
+                set_flat(s, t++, ring_vertex(r - 1, r > 1 ? in : 0), ring_vertex(r, out), ring_vertex(r, out + 1));
+                if (k + 1 < r) {
+                    set_flat(s, t++, ring_vertex(r - 1, in), ring_vertex(r, out + 1), ring_vertex(r - 1, in + 1));
+                }
+            }
+        }
+    }
+    return TSUYA_OK;
+}
+
+tsuya_status tsuya_drape_sheet_mesh(tsuya_mesh *mesh, float **warp, float **uv, const tsuya_drape_sheet *s)
+{
+    tsuya_status status;
+    double *along = NULL;
+    TSUYA_TRY(tsuya_mesh_create(mesh, s->vertex_count, s->triangle_count, TSUYA_MESH_NORMAL | TSUYA_MESH_WEFT));
+    TSUYA_NEW(status, along, 6 * s->vertex_count);
+    if (warp) {
+        TSUYA_NEW(status, *warp, 3 * s->vertex_count);
+    }
+    if (uv) {
+        TSUYA_NEW(status, *uv, 2 * s->vertex_count);
+    }
+    memcpy(mesh->triangle, s->triangle, 3 * s->triangle_count * sizeof *s->triangle);
+    for (size_t i = 0; i < 3 * s->vertex_count; i++) {
+        mesh->position[i] = (float)s->position[i];
+    }
+    TSUYA_GOTO_DONE(status, tsuya_mesh_compute_normals(mesh));
+    for (size_t t = 0; t < s->triangle_count; t++) {
+        const double *c = s->uv + 6 * t;
+        const uint32_t *v = s->triangle + 3 * t;
+        double u1 = c[2] - c[0], v1 = c[3] - c[1], u2 = c[4] - c[0], v2 = c[5] - c[1];
+        tsuya_vec3 a = tsuya_vec3_sub(drape_at(s->position, v[1]), drape_at(s->position, v[0]));
+        tsuya_vec3 b = tsuya_vec3_sub(drape_at(s->position, v[2]), drape_at(s->position, v[0]));
+        tsuya_vec3 weft = tsuya_vec3_mad(tsuya_vec3_scale(a, v2), -v1, b), over = tsuya_vec3_mad(tsuya_vec3_scale(b, u1), -u2, a); /* × area: weights */
+        for (uint32_t i = 0; i < 3; i++) {
+            drape_add(along, 2 * v[i], 1.0, weft);
+            drape_add(along, 2 * v[i] + 1, 1.0, over);
+            if (uv) {
+                (*uv)[2 * v[i]] = (float)c[2 * i];
+                (*uv)[2 * v[i] + 1] = (float)c[2 * i + 1];
+            }
+        }
+    }
+    for (size_t v = 0; v < s->vertex_count; v++) {
+        const float *n = mesh->normal + 3 * v;
+        for (uint32_t k = 0; k < (warp ? 2u : 1u); k++) {
+            tsuya_vec3 d = tsuya_vec3_tangent(drape_at(along, 2 * (uint32_t)v + k), (tsuya_vec3){n[0], n[1], n[2]});
+            float *out = (k ? *warp : mesh->weft) + 3 * v;
+            out[0] = (float)d.x;
+            out[1] = (float)d.y;
+            out[2] = (float)d.z;
+        }
+    }
+done:
+    tsuya_free(along);
+    if (status != TSUYA_OK) {
+        tsuya_mesh_free(mesh);
+    }
+    return status;
+}
+
+/* Does the segment cross the triangle? */
+static bool pierces(tsuya_vec3 p, tsuya_vec3 q, tsuya_vec3 a, tsuya_vec3 b, tsuya_vec3 c)
+{
+    tsuya_vec3 d = tsuya_vec3_sub(q, p), e = tsuya_vec3_sub(b, a), f = tsuya_vec3_sub(c, a), h = tsuya_vec3_cross(d, f), r = tsuya_vec3_sub(p, a);
+    double det = tsuya_vec3_dot(e, h);
+    if (fabs(det) < 1e-30) {
+        return false;
+    }
+    tsuya_vec3 o = tsuya_vec3_cross(r, e);
+    double u = tsuya_vec3_dot(r, h) / det, v = tsuya_vec3_dot(d, o) / det, t = tsuya_vec3_dot(f, o) / det;
+    return u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t >= 0.0 && t <= 1.0;
+}
+
+tsuya_status tsuya_drape_intersections(size_t *count, const tsuya_drape_sheet *s)
+{
+    drape_element *element = NULL;
+    uint32_t *edge = NULL;
+    size_t edges;
+    *count = 0;
+    tsuya_status status = tsuya_drape_elements_create(&element, &edge, &edges, s);
+    for (size_t e = 0; e < edges && status == TSUYA_OK; e++) {
+        tsuya_vec3 p = drape_at(s->position, edge[2 * e]), q = drape_at(s->position, edge[2 * e + 1]);
+        double reach = tsuya_vec3_norm(tsuya_vec3_sub(q, p));
+        for (size_t t = 0; t < s->triangle_count; t++) {
+            const uint32_t *v = s->triangle + 3 * t;
+            tsuya_vec3 a = drape_at(s->position, v[0]);
+            if (fabs(a.x - p.x) > 4.0 * reach || fabs(a.y - p.y) > 4.0 * reach || fabs(a.z - p.z) > 4.0 * reach) {
+                continue;
+            }
+            bool shared = false;
+            for (int i = 0; i < 3; i++) {
+                shared = shared || v[i] == edge[2 * e] || v[i] == edge[2 * e + 1];
+            }
+            *count += !shared && pierces(p, q, a, drape_at(s->position, v[1]), drape_at(s->position, v[2]));
+        }
+    }
+    tsuya_free(element);
+    tsuya_free(edge);
+    return status;
+}
