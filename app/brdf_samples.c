@@ -13,7 +13,13 @@ static tsuya_status joined(tsuya_samples *samples, tsuya_join_info *info, const 
     TSUYA_TRY(tsuya_samples_load(&radiometer, source->radiometer));
     tsuya_status status = tsuya_samples_join(samples, info, camera, &radiometer, !rgb, context);
     tsuya_samples_free(&radiometer);
-    return status;
+    return status == TSUYA_ERROR_INPUT ? tsuya_fail(status, "%s with %s: %s", source->path, source->radiometer, tsuya_reason()) : status;
+}
+
+static tsuya_status colored(tsuya_samples *samples, const tsuya_samples *own, const char *path)
+{
+    tsuya_status status = tsuya_samples_to_color(samples, own, TSUYA_COLOR_RGB);
+    return status == TSUYA_ERROR_INPUT ? tsuya_fail(status, "%s: %s", path, tsuya_reason()) : status;
 }
 
 tsuya_status tsuya_brdf_samples(tsuya_samples *samples, tsuya_join_info *info, const tsuya_samples_source *source, const tsuya_context *context)
@@ -26,7 +32,7 @@ tsuya_status tsuya_brdf_samples(tsuya_samples *samples, tsuya_join_info *info, c
         *samples = own;
         return TSUYA_OK;
     }
-    tsuya_status status = source->radiometer ? joined(samples, info, &own, source, rgb, context) : tsuya_samples_to_color(samples, &own, TSUYA_COLOR_RGB);
+    tsuya_status status = source->radiometer ? joined(samples, info, &own, source, rgb, context) : colored(samples, &own, source->path);
     tsuya_samples_free(&own);
     return status;
 }

@@ -154,18 +154,23 @@ static bool reduce(reduced *r)
     return tsuya_dense_cholesky(r->h, g);
 }
 
+static void transpose(double *m, int n)
+{
+    for (int i = 0; i < n; i++) {
+        for (int k = i + 1; k < n; k++) {
+            double t = m[i * n + k];
+            m[i * n + k] = m[k * n + i];
+            m[k * n + i] = t;
+        }
+    }
+}
+
 /* L⁻¹ · m · L⁻ᵀ in place. */
 static void whiten(const reduced *r, double *m)
 {
     int g = r->g;
     tsuya_dense_forward(r->h, m, g, g);
-    for (int i = 0; i < g; i++) {
-        for (int k = i + 1; k < g; k++) {
-            double t = m[i * g + k];
-            m[i * g + k] = m[k * g + i];
-            m[k * g + i] = t;
-        }
-    }
+    transpose(m, g);
     tsuya_dense_forward(r->h, m, g, g);
 }
 
@@ -322,13 +327,7 @@ static void spread_out(tsuya_covariance *c, double *w, reduced *r, double varian
     int g = r->g, n = r->n;
     for (int turn = 0; turn < 2; turn++) {
         tsuya_dense_backward(r->h, w, g, g);
-        for (int i = 0; i < g; i++) {
-            for (int k = i + 1; k < g; k++) {
-                double t = w[i * g + k];
-                w[i * g + k] = w[k * g + i];
-                w[k * g + i] = t;
-            }
-        }
+        transpose(w, g);
     }
     for (int i = 0; i < n * n; i++) {
         c->intrinsics[i] = w[i / n * g + i % n];
