@@ -28,7 +28,8 @@ tsuya_status tsuya_brdf_samples(tsuya_samples *samples, tsuya_join_info *info, c
     bool rgb = source->channels && strcmp(source->channels, "rgb") == 0;
     *info = (tsuya_join_info){0};
     TSUYA_TRY(tsuya_samples_load(&own, source->path));
-    if (!source->radiometer && !(rgb && tsuya_samples_are_spectral(&own))) {
+    bool colors = own.channel_count == 3 && strcmp(own.channel[0], "r") == 0;
+    if (!source->radiometer && (!rgb || colors)) {
         *samples = own;
         return TSUYA_OK;
     }

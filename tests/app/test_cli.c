@@ -136,6 +136,19 @@ static void test_eval_keeps_columns_and_order(void **state)
     assert_says("theta_i_deg");
 }
 
+/* Two wavelengths make no colour, and the message names the table. */
+static void test_colors_come_of_whole_spectra_only(void **state)
+{
+    (void)state;
+    static const char table[] = "# quantity=brdf\ntheta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,nm550,nm560\n30,0,30,180,0.1,0.1\n30,0,20,180,0.1,0.1\n";
+    char arguments[2 * TEST_PATH];
+    assert_ok(tsuya_file_write(test_path("grey.csv"), table, sizeof table - 1));
+    snprintf(arguments, sizeof arguments, "brdf fit %s --channels rgb -o %s", test_path("grey.csv"), test_path("none.json"));
+    assert_int_equal(run(arguments), 1);
+    assert_says("grey.csv: wavelengths from 550 to 560 nm");
+    assert_false(tsuya_path_exists(test_path("none.json")));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -145,6 +158,7 @@ int main(void)
         cmocka_unit_test(test_failures_are_one_line_and_exit_1),
         cmocka_unit_test(test_missing_colmap),
         cmocka_unit_test(test_eval_keeps_columns_and_order),
+        cmocka_unit_test(test_colors_come_of_whole_spectra_only),
     };
     int result = cmocka_run_group_tests(tests, NULL, NULL);
     tsuya_free(output);
