@@ -7,7 +7,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { LEAST_MATCHES = 15 }; /* of a pair that counts as verified, as COLMAP's own verification wants */
+enum {
+    LEAST_MATCHES = 15, /* of a pair that counts as verified, as COLMAP's own verification wants */
+    /* Mean features of a photograph up to which the verified geometry leads to more matches.  Where they are few they link
+     * views far apart; where there are many the less distinct ones pull the lens: on the demo's 24 photographs (6000 features)
+     * the focal length was 0.34 % off without them, 1.25 % with. */
+    GUIDED_FEATURES_MOST = 4000,
+};
 static const double MOST_OFF_PX = 4.0; /* from the epipolar line, as COLMAP's own verification wants */
 
 typedef struct matcher {
@@ -181,6 +187,15 @@ static tsuya_status save_list(const matcher *o)
     return tsuya_file_commit(&writer);
 }
 
+static double mean_features(const tsuya_database *database)
+{
+    double sum = 0.0;
+    for (int i = 0; i < database->image_count; i++) {
+        sum += database->image[i].features;
+    }
+    return database->image_count > 0 ? sum / database->image_count : 0.0;
+}
+
 /* One round over the chosen pairs that are not yet matched. */
 static tsuya_status match_round(matcher *o)
 {
@@ -205,8 +220,10 @@ static tsuya_status match_round(matcher *o)
         TSUYA_GOTO_DONE(status, save_list(o));
         TSUYA_GOTO_DONE(status, tsuya_colmap_verify(&o->r->colmap, o->list));
         drop_found(o, INT32_MAX);
-        TSUYA_GOTO_DONE(status, each_pair(o, "matching along lines", match_guided));
-        drop_found(o, LEAST_MATCHES);
+        if (mean_features(o->database) <= GUIDED_FEATURES_MOST) {
+            TSUYA_GOTO_DONE(status, each_pair(o, "matching along lines", match_guided));
+            drop_found(o, LEAST_MATCHES);
+        }
     }
     status = tsuya_two_views_save(o->base, o->found, o->found_count);
     for (int i = 0; i < n * n; i++) {

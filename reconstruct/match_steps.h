@@ -1,6 +1,6 @@
 /* The step that matches photographs: pairs by pairs.h, features by matching.h; COLMAP verifies the pairs without given
- * poses by RANSAC (in one thread, so that its draws come in one order), and what it finds leads to further matches along
- * the epipolar lines. */
+ * poses by RANSAC (in one thread, so that its draws come in one order), and where photographs
+ * have few features what it finds leads to further matches along the epipolar lines. */
 #ifndef TSUYA_RECONSTRUCT_MATCH_STEPS_H
 #define TSUYA_RECONSTRUCT_MATCH_STEPS_H
 
