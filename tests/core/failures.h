@@ -71,7 +71,8 @@ static inline void test_damage(test_reader read, const char *path, const char *g
         for (int k = 0; k < changes; k++) {
             uint64_t random = tsuya_random_u64(2, (uint64_t)round, (uint64_t)k);
             size_t at = (size_t)(random >> 16) % (round % 2 ? size : (size < 256 ? size : 256)); /* half of them in the header */
-            copy[at] = random & 0x100 ? (char)random : (char)(random & 0x200 ? 0xff : copy[at] ^ (1 << (random & 7)));
+            uint64_t value = random & 0x100 ? random : random & 0x200 ? 0xff : (uint64_t)copy[at] ^ (1U << (random & 7));
+            copy[at] = (char)(value & 0xff);
         }
         test_one_damaged(read, path, copy, size);
     }
