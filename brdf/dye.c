@@ -1,5 +1,6 @@
 #include "brdf/dye.h"
 
+#include "core/clones.h"
 #include "core/memory.h"
 
 enum { SIDE_FINE = 33, SIDE_COARSE = 17, FINE_CHANNELS = 4, DRAWS = 2048, MEAN_SIDE = 256 };
@@ -233,7 +234,7 @@ static inline float cell_value(const float *restrict plane, int side, int channe
     return low + g.b * (high - low);
 }
 
-__attribute__((target_clones("avx512f", "avx2", "default"))) static void
+TSUYA_CLONES("avx512f", "avx2", "default") static void
 add_plane(const tsuya_albedo_table *table, int channel, float scale, const tsuya_direction_batch *d, float *restrict value)
 {
     const float *restrict plane = table->value + channel;
@@ -249,7 +250,7 @@ add_plane(const tsuya_albedo_table *table, int channel, float scale, const tsuya
     }
 }
 
-__attribute__((target_clones("arch=x86-64-v3", "default"))) static void
+TSUYA_CLONES("arch=x86-64-v3", "default") static void
 limit_block(const tsuya_albedo_table *limit, const tsuya_direction_batch *d, int from, int count, float *restrict factor)
 {
     const float *restrict ix = d->wi_x + from, *restrict iy = d->wi_y + from, *restrict iz = d->wi_z + from;

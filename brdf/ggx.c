@@ -11,6 +11,7 @@
  * which stay finite at grazing angles. */
 #include "brdf/model.h"
 
+#include "core/clones.h"
 #include "core/memory.h"
 
 #include <string.h>
@@ -53,7 +54,7 @@ static void eval(const void *state, int channels, tsuya_vec3 wi, tsuya_vec3 wo, 
 }
 
 /* The lobe of one block, and Fη(wi·h)/Fη(0), which the channels share. */
-__attribute__((target_clones("avx512f", "avx2", "default"))) static void
+TSUYA_CLONES("avx512f", "avx2", "default") static void
 lobe_block(const ggx *g, const tsuya_direction_batch *batch, int from, int count, float *restrict lobe, float *restrict relative)
 {
     const float ax = (float)g->alpha_x, ay = (float)g->alpha_y, eta2 = (float)(g->eta * g->eta - 1.0);

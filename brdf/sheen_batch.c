@@ -1,6 +1,8 @@
 /* The cloth's own model in float, eight directions at a time: angles and curves side by side, the net channel by channel. */
 #include "brdf/sheen.h"
 
+#include "core/clones.h"
+
 #include <string.h>
 
 enum { BLOCK = 64, LANES = 4 };
@@ -60,7 +62,7 @@ static inline int interval_of(float place, int intervals)
 #define TWICE(a, b, c, d) {(a) / 6, (a) / 6, (b) / 6, (b) / 6, (c) / 6, (c) / 6, (d) / 6, (d) / 6}
 #define FOURFOLD(a, b) {(a) / 6, (a) / 6, (a) / 6, (a) / 6, (b) / 6, (b) / 6, (b) / 6, (b) / 6}
 
-__attribute__((target_clones("arch=x86-64-v3", "default"))) static void
+TSUYA_CLONES("arch=x86-64-v3", "default") static void
 block_angles(block *b, const tsuya_sheen *s, const tsuya_direction_batch *d, int from, int count)
 {
     const float *restrict ix = d->wi_x + from, *restrict iy = d->wi_y + from, *restrict iz = d->wi_z + from;
@@ -92,7 +94,7 @@ block_angles(block *b, const tsuya_sheen *s, const tsuya_direction_batch *d, int
 }
 
 /* The curves of both yarns: one row of four pairs a place, warp and weft side by side. */
-__attribute__((target_clones("arch=x86-64-v3", "default"))) static void
+TSUYA_CLONES("arch=x86-64-v3", "default") static void
 block_yarns(block *b, const tsuya_sheen *s, int count)
 {
     const pairs c0 = TWICE(1.0f, 4.0f, 1.0f, 0.0f), c1 = TWICE(-3.0f, 0.0f, 3.0f, 0.0f), c2 = TWICE(3.0f, -6.0f, 3.0f, 0.0f);
@@ -113,7 +115,7 @@ block_yarns(block *b, const tsuya_sheen *s, int count)
 }
 
 /* The same as block_net where all channels fit in one line: the four lines of a window lie side by side. */
-__attribute__((target_clones("arch=x86-64-v3", "default"))) static void
+TSUYA_CLONES("arch=x86-64-v3", "default") static void
 block_net_of_four(float *restrict log_value, const block *b, const tsuya_sheen *s, int count)
 {
     const pairs a0 = FOURFOLD(1.0f, 4.0f), a1 = FOURFOLD(-3.0f, 0.0f), a2 = FOURFOLD(3.0f, -6.0f), a3 = FOURFOLD(-1.0f, 3.0f);
@@ -144,7 +146,7 @@ block_net_of_four(float *restrict log_value, const block *b, const tsuya_sheen *
 }
 
 /* Logarithms S of one block, four channels at a time. */
-__attribute__((target_clones("arch=x86-64-v3", "default"))) static void
+TSUYA_CLONES("arch=x86-64-v3", "default") static void
 block_net(float *restrict log_value, const block *b, const tsuya_sheen *s, int channel, int count)
 {
     const int row = (s->nv + 3) * s->line, layer = s->nu * row, deep = s->nd > 0 ? 4 : 1;
@@ -174,7 +176,7 @@ block_net(float *restrict log_value, const block *b, const tsuya_sheen *s, int c
     }
 }
 
-__attribute__((target_clones("arch=x86-64-v3", "default"))) static void
+TSUYA_CLONES("arch=x86-64-v3", "default") static void
 block_values(float *restrict value, const block *b, const float *restrict log_value, float warp, float weft, float matte, int count)
 {
 #pragma omp simd

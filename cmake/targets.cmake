@@ -63,6 +63,6 @@ function(tsuya_test room name)
     set_tests_properties(${room}/${name} PROPERTIES ENVIRONMENT "LSAN_OPTIONS=suppressions=${PROJECT_SOURCE_DIR}/cmake/lsan.supp")
   elseif(TSUYA_SANITIZE STREQUAL "thread")
     set_tests_properties(${room}/${name} PROPERTIES
-      ENVIRONMENT "OMP_NUM_THREADS=1;TSAN_OPTIONS=suppressions=${PROJECT_SOURCE_DIR}/cmake/tsan.supp:ignore_noninstrumented_modules=1")
+      ENVIRONMENT "OMP_THREAD_LIMIT=1;TSAN_OPTIONS=suppressions=${PROJECT_SOURCE_DIR}/cmake/tsan.supp:ignore_noninstrumented_modules=1")
   endif()
 endfunction()

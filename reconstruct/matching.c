@@ -1,5 +1,6 @@
 #include "reconstruct/matching.h"
 
+#include "core/clones.h"
 #include "core/memory.h"
 
 #include <math.h>
@@ -62,7 +63,7 @@ typedef struct comparison {
 } comparison;
 
 /* Whole numbers below 2^24: exact in any order, with or without fused multiplication. */
-__attribute__((target_clones("arch=x86-64-v3", "default"))) static void
+TSUYA_CLONES("arch=x86-64-v3", "default") static void
 products(float *restrict out, const float *restrict row, const float *restrict column)
 {
     for (int j = 0; j < CHUNK; j += LANES) {

@@ -1,5 +1,6 @@
 #include "weave_detect/fourier.h"
 
+#include "core/clones.h"
 #include "core/memory.h"
 
 #include <math.h>
@@ -43,7 +44,7 @@ typedef struct lines {
 } lines;
 
 /* One butterfly of rows of `width` numbers: sum, and difference turned by w. */
-__attribute__((target_clones("avx2", "default"))) static void butterfly(float *restrict sum_re, float *restrict sum_im,
+TSUYA_CLONES("avx2", "default") static void butterfly(float *restrict sum_re, float *restrict sum_im,
                                                                         float *restrict turned_re, float *restrict turned_im,
                                                                         const float *restrict a_re, const float *restrict a_im,
                                                                         const float *restrict b_re, const float *restrict b_im,

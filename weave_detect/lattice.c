@@ -1,5 +1,7 @@
 #include "weave_detect/lattice.h"
 
+#include "core/clones.h"
+
 #include "weave_detect/lattice_weights.h"
 
 #include <math.h>
@@ -294,7 +296,7 @@ static int list_inferred(inferred *list, const tsuya_spectrum *s)
     return count;
 }
 
-__attribute__((target_clones("avx2", "default"), flatten)) static void list_bases(tsuya_bases *bases, const tsuya_spectrum *s)
+TSUYA_CLONES("avx2", "default") __attribute__((flatten)) static void list_bases(tsuya_bases *bases, const tsuya_spectrum *s)
 {
     candidate list[CANDIDATES];
     pair kept[PAIRS];
@@ -348,7 +350,7 @@ static inline float score(const float *weight, const float *feature)
     return sum;
 }
 
-__attribute__((target_clones("avx2", "default"))) static void score_all(tsuya_bases *bases, const float *weight)
+TSUYA_CLONES("avx2", "default") static void score_all(tsuya_bases *bases, const float *weight)
 {
     for (int k = 0; k < bases->count; k++) {
         bases->basis[k].score = score(weight, bases->basis[k].feature);

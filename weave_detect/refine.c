@@ -1,5 +1,6 @@
 #include "weave_detect/refine.h"
 
+#include "core/clones.h"
 #include "core/memory.h"
 
 #include <math.h>
@@ -132,7 +133,7 @@ static void set_wave(float *wave, double f, int n)
 }
 
 /* Σ over a row of w·r·{cos, sin, x·cos, x·sin}, in eight lanes. */
-__attribute__((target_clones("avx2", "default"))) static void correlate_row(float sum[4], const float *restrict row, const float *restrict wave,
+TSUYA_CLONES("avx2", "default") static void correlate_row(float sum[4], const float *restrict row, const float *restrict wave,
                                                                             int n)
 {
     float lane[4][8] = {{0}};

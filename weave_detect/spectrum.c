@@ -1,5 +1,6 @@
 #include "weave_detect/spectrum.h"
 
+#include "core/clones.h"
 #include "core/memory.h"
 
 #include <math.h>
@@ -155,7 +156,7 @@ void tsuya_spectrum_free(tsuya_spectrum *s)
 }
 
 /* Σ v, Σ v·x, Σ v² of a row in eight lanes, so that the order of additions does not depend on the vector width; x from the middle. */
-__attribute__((target_clones("avx2", "default"))) static void row_sums(float sum[3], const float *v, int n)
+TSUYA_CLONES("avx2", "default") static void row_sums(float sum[3], const float *v, int n)
 {
     float s0[8] = {0}, s1[8] = {0}, s2[8] = {0};
     int x = 0;
@@ -178,7 +179,7 @@ __attribute__((target_clones("avx2", "default"))) static void row_sums(float sum
     }
 }
 
-__attribute__((target_clones("avx2", "default"))) static void window_row(float *restrict plain, float *restrict windowed,
+TSUYA_CLONES("avx2", "default") static void window_row(float *restrict plain, float *restrict windowed,
                                                                          const float *restrict v, const float *restrict window,
                                                                          float base, float slope, float row_window, int n)
 {
@@ -216,7 +217,7 @@ static bool prepare(tsuya_spectrum *s, const float *v)
     return true;
 }
 
-__attribute__((target_clones("avx2", "default"))) static void square_all(float *restrict power, const float *restrict re,
+TSUYA_CLONES("avx2", "default") static void square_all(float *restrict power, const float *restrict re,
                                                                          const float *restrict im, int count)
 {
     for (int i = 0; i < count; i++) {
@@ -277,7 +278,7 @@ static void judge_noise(tsuya_spectrum *s)
     }
 }
 
-__attribute__((target_clones("avx2", "default"))) static void highest_of_three(float *restrict out, const float *restrict a,
+TSUYA_CLONES("avx2", "default") static void highest_of_three(float *restrict out, const float *restrict a,
                                                                                const float *restrict b, const float *restrict c, int n)
 {
     for (int i = 0; i < n; i++) {
@@ -345,7 +346,7 @@ static inline float ln1p(float x)
     return 0.69314718f * exponent + p;
 }
 
-__attribute__((target_clones("avx2", "default"))) static void make_levels(float *restrict level, const float *restrict highest,
+TSUYA_CLONES("avx2", "default") static void make_levels(float *restrict level, const float *restrict highest,
                                                                           const float *restrict per_noise, int count)
 {
     for (int i = 0; i < count; i++) {
