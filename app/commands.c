@@ -14,10 +14,11 @@ const tsuya_command tsuya_commands[] = {
     {"brdf fit", "fits a material to measured reflectance", tsuya_command_brdf_fit},
     {"brdf compare", "fits every model to the same samples: error beside time and size", tsuya_command_brdf_compare},
     {"render", "shades a mesh with its weft field and materials", tsuya_command_render},
+    {"bench", "speed against error, stage by stage, with peers in the same run", tsuya_command_bench},
     {NULL, NULL, NULL},
 };
 
 /* Commands of the interface that later versions bring. */
 const char *const tsuya_later_commands[] = {
-    "capture simulate", "calib light", "calib color", "brdf plan", "brdf predict", "brdf plot", "brdf export", "bench", NULL,
+    "capture simulate", "calib light", "calib color", "brdf plan", "brdf predict", "brdf plot", "brdf export", NULL,
 };

@@ -1,4 +1,5 @@
 /* Throughput with shading against a bare Embree loop that traces the same rays: one process, in pairs, one thread and two. */
+#include "bench.h"
 #include "support.h"
 
 #include <omp.h>
@@ -169,7 +170,7 @@ static double squared_error(const tsuya_film *film, const tsuya_film *reference)
 
 /* Time to an error falls as the error squared: seconds × squared error is what it costs. */
 static double cost(const tsuya_mesh *mesh, const tsuya_shader *shader, const tsuya_light_set *lights, const tsuya_film *reference,
-                   tsuya_path_options options, double *rmse)
+                   tsuya_path_options options, double *rmse, double *seconds_out)
 {
     tsuya_camera camera;
     tsuya_pose pose;
@@ -179,6 +180,7 @@ static double cost(const tsuya_mesh *mesh, const tsuya_shader *shader, const tsu
     double seconds = tsuya_clock_s() - start, error = squared_error(&film, reference);
     tsuya_film_free(&film);
     *rmse = sqrt(error);
+    *seconds_out = seconds;
     return seconds * error;
 }
 
@@ -192,7 +194,7 @@ static void satin_under(const char *name, const tsuya_light_set *lights, tsuya_s
     tsuya_camera camera;
     tsuya_pose pose;
     tsuya_path_options options = tsuya_path_options_default();
-    double rmse[2], ratio[PAIRS];
+    double rmse[2], seconds[2], ratio[PAIRS];
     assert_ok(tsuya_material_ggx(&satin, 0.25, 0.06, plain, 1.5, black));
     assert_ok(tsuya_shader_from_material(&own, satin));
     cosine.user = satin;
@@ -204,8 +206,12 @@ static void satin_under(const char *name, const tsuya_light_set *lights, tsuya_s
     options.spp = 64;
     options.strategy = strategy;
     for (int pair = 0; pair < PAIRS; ++pair) {
-        double ours = cost(&mesh, &own, lights, &reference, options, &rmse[0]);
-        ratio[pair] = cost(&mesh, &cosine, lights, &reference, options, &rmse[1]) / ours;
+        double ours = cost(&mesh, &own, lights, &reference, options, &rmse[0], &seconds[0]);
+        ratio[pair] = cost(&mesh, &cosine, lights, &reference, options, &rmse[1], &seconds[1]) / ours;
+    }
+    if (strategy == TSUYA_STRATEGY_MIS) {
+        bench_point(name, "own density", rmse[0], "rmse", seconds[0], "s");
+        bench_point(name, "cosine", rmse[1], "rmse", seconds[1], "s");
     }
     printf("%s,%s,%.5f,%.5f,%.2f\n", name, strategy == TSUYA_STRATEGY_MIS ? "mis" : "bsdf alone", rmse[0], rmse[1], median(ratio, PAIRS));
     fflush(stdout);
