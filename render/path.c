@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { TILE_PX = 16, PILOT_SPP = 16, EMPTY_SPP = 4, AROUND = 2 };
+enum { TILE_PX = 16, BLOCK = 4, PILOT_SPP = 2 * BLOCK, EMPTY_SPP = BLOCK, AROUND = 3, SIDE = 2 * AROUND + 1 };
 
 /* Stream of the rays that look for the cloth, apart from every pixel's own. */
 static const uint64_t FINDER = 0x66696e646572;
@@ -23,8 +23,21 @@ tsuya_path_options tsuya_path_options_default(void)
 /* Running sums of a pixel, enough to go on with it later. */
 typedef struct pixel_sum {
     double rgb[3], mean, spread; /* Welford's mean and sum of squares of the luminance */
+    double block, block_mean, block_spread; /* the same of the means of BLOCK samples that stratify each other */
+    double met_sum;              /* of the luminance of samples that met the cloth */
     uint32_t samples, met;
 } pixel_sum;
+
+static void add_to_block(pixel_sum *sum, double luminance)
+{
+    sum->block += luminance / BLOCK;
+    if (sum->samples % BLOCK == 0) {
+        double d = sum->block - sum->block_mean;
+        sum->block_mean += d / (sum->samples / BLOCK);
+        sum->block_spread += d * (sum->block - sum->block_mean);
+        sum->block = 0.0;
+    }
+}
 
 static void add_sample(pixel_sum *sum, const double rgb[3], bool met)
 {
@@ -33,6 +46,8 @@ static void add_sample(pixel_sum *sum, const double rgb[3], bool met)
     sum->mean += d / sum->samples;
     sum->spread += d * (luminance - sum->mean);
     sum->met += met;
+    sum->met_sum += met ? luminance : 0.0;
+    add_to_block(sum, luminance);
     for (int c = 0; c < 3; ++c) {
         sum->rgb[c] += rgb[c];
     }
@@ -98,12 +113,38 @@ static uint64_t render_pixel(const picture *p, int x, int y)
     return rays;
 }
 
-/* Standard error of the mean's luminance over it. */
-static double relative_error(const pixel_sum *s)
+/* Variance of a mean of n samples, a/n + b/n^1.5: what chance decides, and edges of all kinds, whose stratified samples err
+ * by the strata that the edge crosses alone (Mitchell, "Consequences of stratified sampling in graphics", SIGGRAPH 1996). */
+typedef struct variance_law { double a, b; } variance_law;
+
+/* From the variance of samples, that of means of BLOCK of them, and the part of the former that the cloth's outline makes. */
+static variance_law law_from(double of_samples, double of_blocks, double of_outline)
 {
-    double n = s->samples;
-    return n > 1.0 && s->mean > 0.0 ? sqrt(s->spread / (n * (n - 1.0))) / s->mean : 0.0;
+    const double edge = 1.0 - 1.0 / sqrt(BLOCK);
+    double b = fmin(fmax((of_samples - BLOCK * of_blocks) / edge, of_outline), of_samples);
+    return (variance_law){of_samples - b, b};
 }
+
+/* Variance that samples would have if cloth and background each were one grey. */
+static double outline_variance(const pixel_sum *s)
+{
+    if (s->met == 0 || s->met == s->samples) {
+        return 0.0;
+    }
+    double share = (double)s->met / s->samples, cloth = s->met_sum / s->met;
+    double background = (s->mean * s->samples - s->met_sum) / (s->samples - s->met);
+    return share * (1.0 - share) * (cloth - background) * (cloth - background);
+}
+
+/* Standard error of the mean's luminance. */
+static double standard_error(const pixel_sum *s)
+{
+    double n = s->samples, blocks = floor(n / BLOCK), of_samples = n > 1.0 ? s->spread / (n - 1.0) : 0.0;
+    variance_law law = law_from(of_samples, blocks > 1.0 ? s->block_spread / (blocks - 1.0) : of_samples / BLOCK, outline_variance(s));
+    return n > 1.0 ? sqrt(law.a / n + law.b / (n * sqrt(n))) : 0.0;
+}
+
+static double relative_error(const pixel_sum *s) { return s->mean > 0.0 ? standard_error(s) / s->mean : 0.0; }
 
 typedef struct tile { int x0, y0, x1, y1; } tile;
 
@@ -190,7 +231,7 @@ static bool finds_cloth(const picture *p, int x, int y)
     return tsuya_scene_intersect(p->tracer.scene, &ray, &hit);
 }
 
-/* Marks the pixels within two of one whose ray met the cloth, and plans their pilots. */
+/* Marks the pixels within AROUND of one whose ray met the cloth, and plans their pilots. */
 static uint64_t find_cloth(picture *p, int spp, const tsuya_context *context)
 {
     int width = p->camera->width_px, height = p->camera->height_px;
@@ -203,8 +244,8 @@ static uint64_t find_cloth(picture *p, int spp, const tsuya_context *context)
     for (int y = 0; y < height; ++y) {
         for (int x = 0; x < width; ++x) {
             uint8_t *here = &p->cloth[(size_t)y * (size_t)width + (size_t)x];
-            for (int k = 0; k < 25 && *here == 0; ++k) {
-                int i = x + k % 5 - AROUND, j = y + k / 5 - AROUND;
+            for (int k = 0; k < SIDE * SIDE && *here == 0; ++k) {
+                int i = x + k % SIDE - AROUND, j = y + k / SIDE - AROUND;
                 *here = i >= 0 && i < width && j >= 0 && j < height && p->cloth[(size_t)j * (size_t)width + (size_t)i] == 2;
             }
             int pilot = *here ? PILOT_SPP : EMPTY_SPP;
@@ -214,23 +255,34 @@ static uint64_t find_cloth(picture *p, int spp, const tsuya_context *context)
     return (uint64_t)width * (uint64_t)height;
 }
 
-typedef struct around { double variance, level; int count; } around;
+typedef struct around { variance_law law; double level; } around;
 
 static around look_around(const picture *p, int x, int y)
 {
-    around a = {0};
-    for (int k = 0; k < 25; ++k) {
-        int i = x + k % 5 - AROUND, j = y + k / 5 - AROUND;
-        if (k != 12 && i >= 0 && i < p->camera->width_px && j >= 0 && j < p->camera->height_px) {
+    double of_samples = 0.0, of_blocks = 0.0, of_outline = 0.0, blocks = 0.0, level = 0.0;
+    int count = 0;
+    for (int k = 0; k < SIDE * SIDE; ++k) {
+        int i = x + k % SIDE - AROUND, j = y + k / SIDE - AROUND;
+        if (k != SIDE * SIDE / 2 && i >= 0 && i < p->camera->width_px && j >= 0 && j < p->camera->height_px) {
             const pixel_sum *s = &p->sum[(size_t)j * (size_t)p->camera->width_px + (size_t)i];
-            a.variance += s->spread / (s->samples - 1);
-            a.level += s->mean;
-            a.count++;
+            of_samples += s->spread / (s->samples - 1);
+            of_blocks += s->block_spread;
+            of_outline += outline_variance(s);
+            blocks += (s->samples / BLOCK) - 1;
+            level += s->mean;
+            count++;
         }
     }
-    a.variance /= a.count > 0 ? a.count : 1;
-    a.level /= a.count > 0 ? a.count : 1;
-    return a;
+    count = count > 0 ? count : 1;
+    of_samples /= count;
+    return (around){law_from(of_samples, blocks > 0.0 ? of_blocks / blocks : of_samples / BLOCK, of_outline / count), level / count};
+}
+
+/* Error aimed at: E times the level; where that is darker than the cloth's mean, as photon noise of a photograph has it that
+ * reaches E at the mean, down to a tenth of the mean. */
+static double aimed_error(double noise, double level, double cloth)
+{
+    return noise * fmax(fmax(level, sqrt(fmax(level * cloth, 0.0))), 0.1 * cloth);
 }
 
 /* Samples that each pixel needs, from the variance around it; the pixel's own values have no part in it. */
@@ -248,9 +300,10 @@ static void plan_samples(const picture *p, const tsuya_path_options *o, const ts
             size_t k = (size_t)y * (size_t)width + (size_t)x;
             around a = look_around(p, x, y);
             double own = p->cloth[k] ? 1.0 : 0.0, rest = pixels - own;
-            double least = rest > 0.0 ? 0.1 * (sum - own * p->sum[k].mean) / rest : 0.0, aim = o->noise * fmax(a.level, least);
-            double wanted = aim > 0.0 ? a.variance / (aim * aim) : 0.0;
-            p->target[k] = (uint32_t)fmin(fmax(ceil(wanted), p->target[k]), o->spp);
+            double cloth = rest > 0.0 ? (sum - own * p->sum[k].mean) / rest : 0.0;
+            double square = pow(aimed_error(o->noise, a.level, cloth), 2.0);
+            double wanted = square > 0.0 ? a.law.a / square + cbrt(pow(a.law.b / square, 2.0)) : 0.0;
+            p->target[k] = (uint32_t)fmin(fmax(BLOCK * ceil(wanted / BLOCK), p->target[k]), o->spp);
         }
     }
 }
@@ -265,7 +318,7 @@ static void fill_film(tsuya_film *film, tsuya_path_info *info, const pixel_sum *
             film->rgb[3 * k + c] = (float)(sum[k].rgb[c] / n);
         }
         film->alpha[k] = (float)(sum[k].met / n);
-        film->error[k] = n > 1.0 ? (float)sqrt(sum[k].spread / (n * (n - 1.0))) : 0.0f;
+        film->error[k] = (float)standard_error(&sum[k]);
         film->samples[k] = sum[k].samples;
         samples += sum[k].samples;
     }

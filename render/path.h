@@ -24,10 +24,12 @@ typedef struct tsuya_path_options {
 } tsuya_path_options;
 TSUYA_API tsuya_path_options tsuya_path_options_default(void); /* 64 spp, noise 0, 4 bounces, lamps visible, MIS */
 
-/* With `noise` E, every pixel at or near the cloth first gets a pilot of 16 samples, the others 4; then as many as the
- * variance that the pilots saw in the 24 pixels around it asks for.  What is at the cloth is told by rays of their own that count
+/* With `noise` E, every pixel at or near the cloth first gets a pilot of 8 samples, the others 4; then as many as the
+ * variance that the pilots saw in the 48 pixels around it asks for.  What is at the cloth is told by rays of their own that count
  * for nothing else.  A pixel's number of samples therefore never depends on its own values, and its mean stays unbiased.
- * Aimed error: E times the luminance L around the pixel, or a tenth of the cloth's mean luminance where that is more. */
+ * Aimed error: E times the luminance L around the pixel; where L is below the cloth's mean M, E sqrt(L M), which is how photon noise
+ * falls, or a tenth of E M where that is more.  The standard errors count chance as a/n and edges (outlines, shadows), which the
+ * samples of a pixel stratify, as b/n^1.5; a and b come from the variances of samples and of means of four. */
 typedef struct tsuya_film {
     int width_px, height_px;
     float *rgb;          /* mean radiance, linear Rec.709, 3 per pixel */
