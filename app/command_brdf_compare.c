@@ -1,5 +1,7 @@
 /* tsuya brdf compare SAMPLES.csv */
 #include "app/brdf_figures.h"
+#include "app/brdf_plot.h"
+#include "app/brdf_samples.h"
 #include "app/command.h"
 #include "app/terminal.h"
 #include "core/file.h"
@@ -10,12 +12,15 @@
 enum { KEY_TRUTH = 1, TRUTHS = 8 };
 
 typedef struct compare_input {
-    const char *samples, *output, *truth[TRUTHS + 1];
+    const char *output, *truth[TRUTHS + 1];
+    tsuya_samples_source samples;
 } compare_input;
 
 static const struct argp_option compare_options[] = {
     {"truth", KEY_TRUTH, "TABLE.csv", 0, "Samples that no model is fitted to, to hold every model against; repeatable", 0},
-    {"output", 'o', "PATH", 0, "Table as PATH.csv, or a folder for compare.csv (default: the current one)", 0},
+    {"with", TSUYA_KEY_WITH, "SPECTRA.csv", 0, TSUYA_BRDF_WITH_HELP, 0},
+    {"channels", TSUYA_KEY_CHANNELS, "own|rgb", 0, TSUYA_BRDF_CHANNELS_HELP, 0},
+    {"output", 'o', "PATH", 0, "Table as PATH.csv and its picture PATH.png, or a folder for compare.csv (default: the current one)", 0},
     {0},
 };
 
@@ -24,15 +29,22 @@ static error_t parse_compare(int key, char *arg, struct argp_state *state)
     compare_input *input = state->input;
     switch (key) {
     case KEY_TRUTH: tsuya_argument_append(state, input->truth, TRUTHS, arg); return 0;
+    case TSUYA_KEY_WITH: input->samples.radiometer = arg; return 0;
+    case TSUYA_KEY_CHANNELS:
+        if (!tsuya_brdf_channels_known(arg)) {
+            argp_error(state, "--channels %s: expected own or rgb", arg);
+        }
+        input->samples.channels = arg;
+        return 0;
     case 'o': input->output = arg; return 0;
     case ARGP_KEY_ARG:
-        if (input->samples) {
+        if (input->samples.path) {
             argp_error(state, "'%s': one table of samples only", arg);
         }
-        input->samples = arg;
+        input->samples.path = arg;
         return 0;
     case ARGP_KEY_END:
-        if (!input->samples) {
+        if (!input->samples.path) {
             argp_error(state, "SAMPLES.csv is missing");
         }
         return 0;
@@ -43,7 +55,8 @@ static error_t parse_compare(int key, char *arg, struct argp_state *state)
 static const tsuya_syntax compare_syntax = {
     .arguments = "SAMPLES.csv",
     .example = "tsuya brdf compare satin.csv -o satin/",
-    .doc = "Fits every model to the same samples and prints the error on held-out samples beside time and size.",
+    .doc = "Fits every model to the same samples and prints the error on held-out samples beside time and size; writes the same as a table and as a "
+           "picture.",
     .options = compare_options,
     .parse = parse_compare,
 };
@@ -157,14 +170,43 @@ static tsuya_status report(const row *rows, int count, int truths, const compare
     return status;
 }
 
-static tsuya_status load_all(tsuya_samples *samples, tsuya_samples *truth, int *truths, const compare_input *input)
+/* compare.png beside compare.csv */
+static tsuya_status draw(const char *csv, const row *rows, int count, int truths, const compare_input *input)
 {
-    TSUYA_TRY(tsuya_samples_load(samples, input->samples));
+    const char *model[TSUYA_FIT_MODELS], *name[3 + TRUTHS] = {"fit", "held-out tilts", "held-out azimuth"};
+    double value[TSUYA_FIT_MODELS * (3 + TRUTHS)], ns[TSUYA_FIT_MODELS];
+    int series = 3 + truths, stem = (int)(strlen(csv) - strlen(tsuya_path_extension(csv)));
+    for (int t = 0; t < truths; ++t) {
+        name[3 + t] = tsuya_path_name(input->truth[t]);
+    }
+    for (int m = 0; m < count; ++m) {
+        const tsuya_fit_info *i = &rows[m].info;
+        const double own[3] = {i->fit.cbrt, i->heldout_tilts.cbrt, i->heldout_azimuth.cbrt};
+        memcpy(value + m * series, own, sizeof own);
+        memcpy(value + m * series + 3, rows[m].truth, (size_t)truths * sizeof *value);
+        model[m] = i->model;
+        ns[m] = i->eval_ns;
+    }
+    char *path = tsuya_calloc((size_t)stem + 5, 1);
+    if (!path) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    snprintf(path, (size_t)stem + 5, "%.*s.png", stem, csv);
+    tsuya_status status = tsuya_plot_errors(path, &(tsuya_plot_bars){count, series, model, name, value, ns});
+    tsuya_free(path);
+    return status;
+}
+
+static tsuya_status load_all(tsuya_samples *samples, tsuya_samples *truth, int *truths, const compare_input *input, const tsuya_context *context)
+{
+    tsuya_join_info joined;
+    TSUYA_TRY(tsuya_brdf_samples(samples, &joined, &input->samples, context));
     for (*truths = 0; input->truth[*truths]; ++*truths) {
-        TSUYA_TRY(tsuya_samples_load(&truth[*truths], input->truth[*truths]));
+        tsuya_samples_source source = {.path = input->truth[*truths], .channels = input->samples.channels};
+        TSUYA_TRY(tsuya_brdf_samples(&truth[*truths], &joined, &source, context));
         if (truth[*truths].channel_count != samples->channel_count) {
             return tsuya_fail(TSUYA_ERROR_INPUT, "%s: %d channels; %s has %d", input->truth[*truths], truth[*truths].channel_count,
-                              input->samples, samples->channel_count);
+                              input->samples.path, samples->channel_count);
         }
     }
     return TSUYA_OK;
@@ -179,13 +221,14 @@ static tsuya_status compare(const compare_input *input, const tsuya_common *comm
     int truths = 0, count = 0;
     const char *const *names = tsuya_fit_model_names();
     tsuya_status status;
-    TSUYA_GOTO_DONE(status, load_all(&samples, truth, &truths, input));
+    TSUYA_GOTO_DONE(status, load_all(&samples, truth, &truths, input, &context));
     TSUYA_GOTO_DONE(status, tsuya_command_output(&folder, &file, input->output, ".csv", "compare.csv"));
     for (int k = 1; names[k]; ++k, ++count) {
         tsuya_progress_update(&context, "compare", count, TSUYA_FIT_MODELS, names[k]);
         TSUYA_GOTO_DONE(status, fill_row(&rows[count], &samples, truth, truths, names[k], &context));
     }
     TSUYA_GOTO_DONE(status, write_csv(file, rows, count, truths, input));
+    TSUYA_GOTO_DONE(status, draw(file, rows, count, truths, input));
     status = report(rows, count, truths, input, common);
 done:
     for (int k = 0; k < TRUTHS; ++k) {

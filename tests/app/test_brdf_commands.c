@@ -1,0 +1,164 @@
+/* The commands `tsuya brdf plot | compare` from outside, and the places of readings in their pictures. */
+#include "support.h"
+
+#include "app/brdf_plot.h"
+#include "core/image.h"
+#include "core/memory.h"
+#include "core/process.h"
+
+static char *output;
+
+static int run(const char *arguments)
+{
+    char command[3 * TEST_PATH];
+    tsuya_process_info info;
+    snprintf(command, sizeof command, "cd %s && %s %s", test_folder(), TSUYA_PROGRAM, arguments);
+    const char *argv[] = {"sh", "-c", command, NULL};
+    tsuya_free(output);
+    output = NULL;
+    assert_ok(tsuya_process_capture(&output, &info, argv, NULL));
+    return info.exit_code;
+}
+
+static void assert_says(const char *part)
+{
+    if (!strstr(output, part)) {
+        fail_msg("\"%s\" is not in the output:\n%s", part, output);
+    }
+}
+
+/* A failure of one line, and exit 1. */
+static void assert_refused(const char *arguments, const char *part)
+{
+    assert_int_equal(run(arguments), 1);
+    assert_says(part);
+    assert_ptr_equal(strchr(output, '\n'), output + strlen(output) - 1);
+}
+
+static const char grey[] = "{\"format\": \"tsuya material\", \"version\": \"1.0\", \"name\": \"grey `touch ran` 'cloth'\", \"model\": \"lambert\", "
+                           "\"channels\": [\"r\", \"g\", \"b\"], \"dye\": {\"reflectance\": [0.1, 0.2, 0.4], \"coupling\": \"lambert\"}, \"parameters\": {}}";
+
+static void write_bench(const char *name, double light_deg, double view_deg, double azimuth_step)
+{
+    char text[1 << 16];
+    int n = snprintf(text, sizeof text, "# quantity=brdf\n# light_theta_deg=%g\n# light_phi_deg=0\n# view_theta_deg=%g\n# view_phi_deg=180\nazimuth_deg,tilt_deg,r,g,b\n",
+                     light_deg, view_deg);
+    for (double a = 0; a < 180; a += azimuth_step) {
+        for (int t = -24; t <= 24; t += 6) {
+            double shine = 0.03 + 0.2 * exp(-0.01 * t * t);
+            n += snprintf(text + n, sizeof text - (size_t)n, "%g,%d,%.5f,%.5f,%.5f\n", a, t, shine, shine, 0.5 * shine);
+        }
+    }
+    assert_ok(tsuya_file_write(test_path(name), text, (size_t)n));
+}
+
+static void assert_picture(const char *name, int width, int height)
+{
+    tsuya_image image;
+    assert_ok(tsuya_image_load(&image, test_path(name)));
+    assert_int_equal(image.width_px, width);
+    assert_int_equal(image.height_px, height);
+    int marked = 0;
+    for (int y = 0; y < height; ++y) {
+        for (int x = 0; x < width; ++x) {
+            const uint8_t *p = tsuya_image_u8(&image, x, y);
+            marked += abs(p[0] - p[2]) > 60;
+        }
+    }
+    assert_true(marked > 150); /* coloured lines and points */
+    tsuya_image_free(&image);
+}
+
+static int setup(void **state)
+{
+    (void)state;
+    assert_ok(tsuya_file_write(test_path("grey.json"), grey, sizeof grey - 1));
+    write_bench("bench.csv", 30, 30, 45);
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    (void)state;
+    tsuya_free(output);
+    test_folder_remove();
+    return 0;
+}
+
+static void test_plot_draws_three_figures(void **state)
+{
+    (void)state;
+    assert_int_equal(run("brdf plot grey.json bench.csv -o cloth.png --json plot.json"), 0);
+    assert_picture("cloth.png", 900, 600);
+    assert_picture("cloth-surface.png", 900, 720);
+    assert_picture("cloth-polar.png", 960, 660);
+    assert_says("points                               36");
+    assert_false(tsuya_path_exists(test_path("ran"))); /* a name is a text, never a command */
+    assert_int_equal(run("brdf plot bench.csv --model lambert --figure polar -o figures/ && ls -A figures"), 0);
+    assert_says("polar.png");
+    assert_null(strstr(output, "curves.png"));
+    assert_null(strstr(output, ".tmp"));
+}
+
+static void test_plot_refuses(void **state)
+{
+    (void)state;
+    assert_refused("brdf plot grey.json --channel nm550", "channel 'nm550' is not there; the channels go from r to b");
+    assert_int_equal(run("brdf plot grey.json --figure pie"), 2);
+    assert_int_equal(run("brdf plot grey.json --light 30"), 2);
+    assert_refused("brdf plot none.json", "none.json");
+}
+
+/* Directions alone are put where the stage had made them, also where lamp and camera do not stand alike. */
+static void test_directions_find_their_stage_angles(void **state)
+{
+    (void)state;
+    static const double benches[][2] = {{30, 30}, {60, 10}, {20, 45}};
+    for (size_t b = 0; b < sizeof benches / sizeof benches[0]; ++b) {
+        tsuya_samples stage;
+        tsuya_plot_data with, without;
+        tsuya_brdf_picture picture = {.samples = &stage};
+        write_bench("other.csv", benches[b][0], benches[b][1], 22.5);
+        assert_ok(tsuya_samples_load(&stage, test_path("other.csv")));
+        assert_true(tsuya_plot_bench_of(&picture.bench, &stage));
+        assert_near(picture.bench.light_deg[0], benches[b][0], 1e-9);
+        assert_near(fabs(picture.bench.view_deg[1]), 180.0, 1e-9);
+        assert_ok(tsuya_plot_data_create(&with, &picture));
+        tsuya_free(stage.azimuth_deg);
+        tsuya_free(stage.tilt_deg);
+        stage.azimuth_deg = stage.tilt_deg = NULL;
+        assert_ok(tsuya_plot_data_create(&without, &picture));
+        assert_int_equal(without.left_out, 0);
+        assert_int_equal(without.count, with.count);
+        for (int k = 0; k < with.count; ++k) {
+            bool pole = fabs(with.point[k].tilt_deg) < 1e-9 && b == 0; /* there every azimuth and its opposite are one */
+            double turn = remainder(without.point[k].azimuth_deg - with.point[k].azimuth_deg, 180.0);
+            double sign = fabs(remainder(without.point[k].azimuth_deg - with.point[k].azimuth_deg, 360.0)) > 90.0 ? -1.0 : 1.0;
+            assert_near(turn, 0.0, 1e-4);
+            assert_near(pole ? fabs(without.point[k].tilt_deg) : without.point[k].tilt_deg, (pole ? 1.0 : sign) * with.point[k].tilt_deg, 1e-4);
+            assert_near(without.point[k].intensity, with.point[k].intensity, 1e-12);
+        }
+        tsuya_plot_data_free(&with);
+        tsuya_plot_data_free(&without);
+        tsuya_samples_free(&stage);
+    }
+}
+
+static void test_compare_draws_and_takes_spectra(void **state)
+{
+    (void)state;
+    assert_int_equal(run("brdf compare bench.csv --truth bench.csv -o all/"), 0);
+    assert_picture("all/compare.png", 1000, 560);
+    assert_says("tanaka");
+    assert_refused("brdf compare bench.csv --with bench.csv -o all/", "bench.csv with bench.csv");
+    assert_int_equal(run("brdf compare bench.csv --channels xyz"), 2);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_plot_draws_three_figures), cmocka_unit_test(test_plot_refuses), cmocka_unit_test(test_directions_find_their_stage_angles),
+        cmocka_unit_test(test_compare_draws_and_takes_spectra),
+    };
+    return cmocka_run_group_tests(tests, setup, teardown);
+}
