@@ -3,9 +3,11 @@
 set(TSUYA_PUBLIC_HEADERS
   brdf/fit.h
   brdf/material.h
+  brdf/predict.h
   brdf/samples.h
   brdf/samples_color.h
   brdf/samples_join.h
+  brdf/weave_draft.h
   capture/check.h
   capture/drape.h
   capture/studio.h

@@ -144,6 +144,18 @@ static void test_directions_find_their_stage_angles(void **state)
     }
 }
 
+static void test_predict_writes_a_material(void **state)
+{
+    (void)state;
+    assert_int_equal(run("brdf predict --fibre ribbon --weave twill-3/1 --metal 1,0.7,0.3 bench.csv -o gold/gold.json"), 0);
+    assert_says("warp_share                           0.75");
+    assert_picture("gold/predicted.png", 1300, 560);
+    assert_int_equal(run("brdf plot gold/gold.json --figure curves -o gold.png"), 0);
+    assert_refused("brdf predict --fibre ribon", "the nearest known one is ribbon");
+    assert_refused("brdf predict --weave satin-6", "satin-6");
+    assert_refused("brdf predict --weave none.wif", "none.wif");
+}
+
 static void test_compare_draws_and_takes_spectra(void **state)
 {
     (void)state;
@@ -158,7 +170,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_plot_draws_three_figures), cmocka_unit_test(test_plot_refuses), cmocka_unit_test(test_directions_find_their_stage_angles),
-        cmocka_unit_test(test_compare_draws_and_takes_spectra),
+        cmocka_unit_test(test_predict_writes_a_material), cmocka_unit_test(test_compare_draws_and_takes_spectra),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }
