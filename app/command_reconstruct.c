@@ -1,4 +1,5 @@
 /* tsuya reconstruct PHOTOS */
+#include "app/calib_scale.h"
 #include "app/command.h"
 #include "app/truth.h"
 #include "core/file.h"
@@ -6,11 +7,11 @@
 
 #include <string.h>
 
-enum { KEY_PHOTOS = 1, KEY_MASKS, KEY_CAMERA, KEY_POSES, KEY_HOLD_OUT, KEY_DENSE, KEY_SOURCES, KEY_TOLERANCE, KEY_TRUTH, LIST = 1024 };
+enum { KEY_PHOTOS = 1, KEY_MASKS, KEY_CAMERA, KEY_POSES, KEY_HOLD_OUT, KEY_DENSE, KEY_SOURCES, KEY_TOLERANCE, KEY_TRUTH, KEY_SCALE, KEY_DISTANCE, LIST = 1024 };
 
 typedef struct reconstruct_input {
     tsuya_reconstruct_options options;
-    const char *hold_out[LIST + 1], *truth;
+    const char *hold_out[LIST + 1], *distance[LIST + 1], *truth, *board;
 } reconstruct_input;
 
 static const struct argp_option reconstruct_options[] = {
@@ -18,6 +19,8 @@ static const struct argp_option reconstruct_options[] = {
     {"masks", KEY_MASKS, "FOLDER", 0, "NAME.png or NAME.jpg.png; white keeps, black is ignored", 0},
     {"camera", KEY_CAMERA, "CAM.cameramodel", 0, "Calibrated camera, kept as it is (default: focal length from EXIF, refined)", 0},
     {"poses", KEY_POSES, "FOLDER", 0, "COLMAP model of known poses, kept as they are, with their frame and unit", 0},
+    {"scale", KEY_SCALE, "BOARD.yaml", 0, "Tags that stand in the photographs: metres, and the frame of the first plate", 0},
+    {"distance", KEY_DISTANCE, "TEXT", 0, "A length for the scale, \"METRES; PHOTO X,Y X,Y; PHOTO X,Y X,Y\": both ends' pixels in two photographs or more; repeatable", 0},
     {"hold-out", KEY_HOLD_OUT, "NAME", 0, "Place this photograph, but use it for no depth, colour or surface; repeatable", 0},
     {"dense-px", KEY_DENSE, "N", 0, "Longer side of the depth maps (default: half the photographs' above 1600 px, else full)", 0},
     {"sources", KEY_SOURCES, "N", 0, "Neighbours that a depth map is compared with (default 5)", 0},
@@ -47,10 +50,14 @@ static error_t parse_reconstruct(int key, char *arg, struct argp_state *state)
     case KEY_SOURCES: o->source_views = tsuya_argument_int(state, "--sources", arg, 1, 12); return 0;
     case KEY_TOLERANCE: o->tolerance = tsuya_argument_number(state, "--tolerance", arg, 1e-12, 1e12); return 0;
     case KEY_TRUTH: input->truth = arg; return 0;
+    case KEY_SCALE: input->board = arg; return 0;
+    case KEY_DISTANCE: tsuya_argument_append(state, input->distance, LIST, arg); return 0;
     case 'o': o->output = arg; return 0;
     case ARGP_KEY_END:
         if (!o->photos) {
             argp_error(state, "PHOTOS is missing");
+        } else if (input->board && input->distance[0]) {
+            argp_error(state, "either --scale or --distance");
         }
         return 0;
     default: return ARGP_ERR_UNKNOWN;
@@ -66,13 +73,43 @@ static const tsuya_syntax reconstruct_syntax = {
     .parse = parse_reconstruct,
 };
 
+static tsuya_status find_scale(tsuya_calib_scale *scale, const reconstruct_input *input, const tsuya_context *context)
+{
+    tsuya_photo_set photos;
+    tsuya_yaml_list list[LIST], distances = {list, 0};
+    tsuya_arena *arena;
+    TSUYA_TRY(tsuya_photo_set_load(&photos, input->options.photos, NULL));
+    tsuya_status status = tsuya_arena_create(&arena, 1 << 14);
+    if (status == TSUYA_OK) {
+        for (; status == TSUYA_OK && input->distance[distances.count]; distances.count++) {
+            status = tsuya_calib_scale_split(&list[distances.count], input->distance[distances.count], arena);
+        }
+        if (status == TSUYA_OK) {
+            status = input->board ? tsuya_calib_scale_from_board(scale, input->board, &photos, context)
+                                  : tsuya_calib_scale_from_distances(scale, &distances, "--distance", &photos);
+        }
+        tsuya_arena_free(arena);
+    }
+    tsuya_photo_set_free(&photos);
+    return status;
+}
+
 static tsuya_status reconstruct(tsuya_json *figures, reconstruct_input *input, const tsuya_context *context)
 {
     tsuya_reconstruct_info info = {0};
     tsuya_lock lock;
+    tsuya_calib_scale scale = {0};
+    tsuya_status status = TSUYA_OK;
     TSUYA_TRY(tsuya_folder_make(input->options.output));
     TSUYA_TRY(tsuya_lock_take(&lock, input->options.output));
-    tsuya_status status = tsuya_reconstruct(&info, &input->options, context);
+    if (input->board || input->distance[0]) {
+        status = find_scale(&scale, input, context);
+        input->options.scale = &scale.input;
+    }
+    if (status == TSUYA_OK) {
+        status = tsuya_reconstruct(&info, &input->options, context);
+    }
+    tsuya_calib_scale_free(&scale);
     if (status == TSUYA_OK) {
         tsuya_reconstruct_info_to_json(figures, &info);
         if (input->truth) {

@@ -117,6 +117,7 @@ static tsuya_status check_places(const tsuya_job *job)
         TSUYA_TRY(refuse_inside(job, "poses", job->poses, stage_folder));
         TSUYA_TRY(refuse_inside(job, "lights", job->lights, stage_folder));
         TSUYA_TRY(refuse_inside(job, "camera: model", job->camera.model, stage_folder));
+        TSUYA_TRY(refuse_inside(job, "scale: board", job->scale.board, stage_folder));
         TSUYA_TRY(refuse_inside(job, "camera: board", job->camera.board, stage_folder));
         TSUYA_TRY(refuse_inside(job, "camera: photos", job->camera.photos, stage_folder));
         for (int m = 0; m < job->materials.count; m++) {
@@ -156,9 +157,7 @@ static tsuya_status check_scale(tsuya_job *job)
     if ((job->scale.board != NULL) == (job->scale.distances.count > 0)) {
         return tsuya_fail(TSUYA_ERROR_INPUT, "%s: scale: needs either board: or distances:", job->path);
     }
-    return tsuya_fail(TSUYA_ERROR_UNAVAILABLE,
-                      "%s: scale: metric scale from tags or distances is not in this version; leave scale: out (known poses: "
-                      "carry their own unit)", job->path);
+    return TSUYA_OK;
 }
 
 static tsuya_status check_materials(tsuya_job *job)

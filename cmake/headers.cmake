@@ -45,6 +45,7 @@ set(TSUYA_PUBLIC_HEADERS
   reconstruct/fusion.h
   reconstruct/mesh_distance.h
   reconstruct/reconstruct.h
+  reconstruct/scale.h
   reconstruct/silhouette.h
   reconstruct/steps.h
   reconstruct/stereo.h

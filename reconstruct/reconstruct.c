@@ -240,7 +240,7 @@ static double figure(const tsuya_reconstruction *r, const char *step, const char
 static tsuya_status collect(tsuya_reconstruction *r)
 {
     tsuya_reconstruct_info *info = r->info;
-    static const char *const PARTS[] = {"matching", "stereo", "fusion", "surface", "color"};
+    static const char *const PARTS[] = {"matching", "scale", "stereo", "fusion", "surface", "color"};
     if (!(info->parts = tsuya_json_create_object())) {
         return TSUYA_ERROR_MEMORY;
     }
@@ -250,6 +250,8 @@ static tsuya_status collect(tsuya_reconstruction *r)
             tsuya_json_set_copy(info->parts, PARTS[i], figures);
         }
     }
+    info->scale_m_per_unit = figure(r, "scale", "scale_m_per_unit", NAN);
+    info->scale_rms_m = figure(r, "scale", "scale_rms_m", NAN);
     info->points = (size_t)figure(r, "fusion", "points", 0);
     info->mesh_vertices = (size_t)figure(r, "color", "mesh_vertices", 0);
     info->mesh_triangles = (size_t)figure(r, "color", "mesh_triangles", 0);

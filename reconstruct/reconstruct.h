@@ -10,6 +10,7 @@
 
 #include "core/context.h"
 #include "core/json.h"
+#include "reconstruct/scale.h"
 #include "reconstruct/steps.h"
 
 typedef struct tsuya_reconstruct_options {
@@ -21,6 +22,7 @@ typedef struct tsuya_reconstruct_options {
     int hold_out_count;
     int dense_long_side_px;        /* of the depth maps; 0: half the photographs' above 1600 px, else full */
     int source_views;              /* for each depth map; 0: the default of stereo.h */
+    const tsuya_scale_input *scale; /* tags or distances that make the world metric; NULL: COLMAP's frame and unit, or the poses' own */
     double tolerance;              /* of the mesh, world unit; 0: half the cloud's spacing */
 } tsuya_reconstruct_options;
 TSUYA_API tsuya_reconstruct_options tsuya_reconstruct_options_default(void);

@@ -2,6 +2,7 @@
 
 #include "reconstruct/database_adapter.h"
 #include "reconstruct/match_steps.h"
+#include "reconstruct/scale_step.h"
 #include "reconstruct/undistort.h"
 
 #include <errno.h>
@@ -187,7 +188,7 @@ static tsuya_status keep_largest(tsuya_reconstruction *r, tsuya_json *figures)
     }
     report_missing(r, &best, models > 1 ? " with the largest group (the set falls apart: photographs between the groups would join them)" : "");
     tsuya_json_set_number(figures, "models", models);
-    status = tsuya_sparse_model_save_binary(&best, tsuya_reconstruction_path(r, "sparse/0"));
+    status = tsuya_sparse_model_save_binary(&best, tsuya_scale_unscaled(r));
 done:
     tsuya_sparse_model_free(&best);
     return status;
@@ -205,7 +206,7 @@ static tsuya_status explain_mapper(const tsuya_reconstruction *r, tsuya_status s
 
 static tsuya_status mapping(tsuya_reconstruction *r)
 {
-    if (tsuya_step_begin(&r->steps, "mapping", "", tsuya_reconstruction_path(r, "sparse/0/points3D.bin"))) {
+    if (tsuya_step_begin(&r->steps, "mapping", "", tsuya_arena_printf(r->arena, "%s/points3D.bin", tsuya_scale_unscaled(r)))) {
         return TSUYA_OK;
     }
     tsuya_json *figures = tsuya_json_create_object();
@@ -220,12 +221,12 @@ done:
 
 static tsuya_status triangulation(tsuya_reconstruction *r)
 {
-    if (tsuya_step_begin(&r->steps, "triangulation", "", tsuya_reconstruction_path(r, "sparse/0/points3D.bin"))) {
+    if (tsuya_step_begin(&r->steps, "triangulation", "", tsuya_arena_printf(r->arena, "%s/points3D.bin", tsuya_scale_unscaled(r)))) {
         return TSUYA_OK;
     }
-    TSUYA_TRY(tsuya_colmap_triangulate(&r->colmap, "posed", "sparse/0"));
+    TSUYA_TRY(tsuya_colmap_triangulate(&r->colmap, "posed", r->options->scale ? "unscaled" : "sparse/0"));
     tsuya_sparse_model model;
-    TSUYA_TRY(tsuya_sparse_model_load(&model, tsuya_reconstruction_path(r, "sparse/0")));
+    TSUYA_TRY(tsuya_sparse_model_load(&model, tsuya_scale_unscaled(r)));
     report_missing(r, &model, " (they have no pose)");
     tsuya_sparse_model_free(&model);
     return tsuya_reconstruction_end_step(r, NULL);
@@ -264,5 +265,6 @@ tsuya_status tsuya_sparse_steps(tsuya_reconstruction *r)
         TSUYA_TRY(mapping(r));
     }
     r->info->models = (int)tsuya_json_number_or(tsuya_json_member(tsuya_step_figures(&r->steps, "mapping"), "models"), 1);
+    TSUYA_TRY(tsuya_scale_step(r));
     return undistortion(r);
 }

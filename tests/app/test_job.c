@@ -101,8 +101,8 @@ static void test_what_this_version_lacks_is_said(void **state)
 {
     (void)state;
     assert_ok(tsuya_file_write(test_path("in/b.yaml"), "x: 1\n", 5));
-    refuse("name: robe\nphotos: photos\nscale: {board: b.yaml}\n", "not in this version");
-    refuse("name: robe\nphotos: photos\nscale: {distances: [[IMG_00.jpg-1, IMG_01.jpg-1, 0.5]]}\n", "not in this version");
+    refuse("name: robe\nphotos: photos\nscale: {board: none.yaml}\n", "does not exist");
+    refuse("name: robe\nphotos: photos\nscale: {board: b.yaml, distances: [[0.5]]}\n", "either board: or distances:");
     refuse("name: robe\nphotos: photos\nmaterials: [{name: a}]\n", "samples: or model:");
 }
 
