@@ -338,7 +338,7 @@ static void test_from_photographs(void **state)
     tsuya_similarity metric;
     tsuya_scale_info info;
     tsuya_board board;
-    w.views = 6;
+    w.views = 4;
     w.pose_error = 0.0;
     make_cameras(&m, &w);
     assert_ok(tsuya_board_parse(&board, yaml, "mat"));
