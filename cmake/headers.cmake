@@ -3,6 +3,7 @@
 set(TSUYA_PUBLIC_HEADERS
   brdf/fit.h
   brdf/material.h
+  brdf/plan.h
   brdf/predict.h
   brdf/samples.h
   brdf/samples_color.h

@@ -156,6 +156,17 @@ static void test_predict_writes_a_material(void **state)
     assert_refused("brdf predict --weave none.wif", "none.wif");
 }
 
+static void test_plan_writes_stage_angles(void **state)
+{
+    (void)state;
+    assert_int_equal(run("brdf plan --weave satin-8 --azimuth-step 15 --tilt-step 6 --readings 9 -o plan.csv && cat plan.csv"), 0);
+    assert_says("azimuth_deg,tilt_deg,gain\n");
+    assert_int_equal(run("brdf plan gold/gold.json bench.csv --azimuth-step 15 --tilt-step 6 --readings 5 -o next.csv --json -"), 0);
+    assert_says("\"taken\": 36");
+    assert_refused("brdf plan --readings 8000", "8000 readings");
+    assert_int_equal(run("brdf plan --fibre circle bench.csv"), 2);
+}
+
 static void test_compare_draws_and_takes_spectra(void **state)
 {
     (void)state;
@@ -170,7 +181,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_plot_draws_three_figures), cmocka_unit_test(test_plot_refuses), cmocka_unit_test(test_directions_find_their_stage_angles),
-        cmocka_unit_test(test_predict_writes_a_material), cmocka_unit_test(test_compare_draws_and_takes_spectra),
+        cmocka_unit_test(test_predict_writes_a_material), cmocka_unit_test(test_plan_writes_stage_angles), cmocka_unit_test(test_compare_draws_and_takes_spectra),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }
