@@ -16,7 +16,7 @@ tsuya_patchmatch_options tsuya_patchmatch_options_default(void)
         .view_selection = true,
         .coarse_iterations = 4,
         .fine_iterations = 2,
-        .geometric_iterations = 2,
+        .geometric_iterations = 1,
         .sigma_color = 0.12f,
         .max_cost = 0.85f,
         .min_contrast = 0.004f,
@@ -200,13 +200,15 @@ done:
     return status;
 }
 
-/* Planes of a finer scale from the coarser one: that of the pixel that covers it, or of the nearest active one around. */
+/* Planes of a finer scale from the coarser one: that of the pixel that covers it, or of the nearest active one around.
+ * They come with their cost there, which ranks them well enough until the first sweep measures it here. */
 static void scale_refine(scale *fine, const scale *coarse)
 {
     const plane_field *c = &coarse->field;
     for (int y = 0; y < fine->level.height_px; y++) {
         for (int x = 0; x < fine->level.width_px; x++) {
             size_t at = (size_t)y * (size_t)fine->level.width_px + (size_t)x;
+            fine->field.cost[at] = PATCH_COST_IMPOSSIBLE;
             double px = (x + 0.5) / 2 - 0.5, py = (y + 0.5) / 2 - 0.5, least = HUGE_VAL;
             for (int k = 0; k < 9 && fine->active[at]; k++) {
                 int nx = x / 2 + k % 3 - 1, ny = y / 2 + k / 3 - 1;
@@ -220,6 +222,8 @@ static void scale_refine(scale *fine, const scale *coarse)
                     fine->field.w[at] = c->w[from] + c->wx[from] * (float)(px - nx) + c->wy[from] * (float)(py - ny);
                     fine->field.wx[at] = 0.5f * c->wx[from];
                     fine->field.wy[at] = 0.5f * c->wy[from];
+                    fine->field.cost[at] = c->cost[from];
+                    fine->field.view[at] = c->view[from];
                 }
             }
         }
@@ -250,7 +254,9 @@ static tsuya_status run_sweeps(scale *s, const sweep_plan *plan, patch_mode firs
                                patch_row_kernel kernel, const tsuya_context *context)
 {
     patch_pass pass = {.mode = first, .color = -1, .turn = (*turn)++, .good_limit = 0.8f};
-    TSUYA_TRY(run_pass(s, &pass, kernel, context));
+    if (first != PATCH_SWEEP) {
+        TSUYA_TRY(run_pass(s, &pass, kernel, context));
+    }
     for (int i = 0; i < plan->iterations; i++) {
         float shrink = ldexpf(1.0f, -i);
         pass = (patch_pass){
@@ -260,7 +266,7 @@ static tsuya_status run_sweeps(scale *s, const sweep_plan *plan, patch_mode firs
             .reach_px = fmaxf(plan->reach_px * shrink, 0.25f),
             .tilt = fmaxf(plan->tilt * shrink, 0.06f),
             .anywhere = i < plan->anywhere,
-            .refinements = i < plan->anywhere ? 5 : 3,
+            .refinements = i < plan->anywhere || plan->iterations == 1 ? 5 : 3,
             .strips = 4,
             .polish = plan->polish && i == plan->iterations - 1,
         };
@@ -324,8 +330,9 @@ static tsuya_status solve_photometric(scale *s, const tsuya_patchmatch_problem *
     int levels = options->coarse_to_fine ? common_levels(problem) : 1;
     for (int l = levels - 1; l >= 0; l--) {
         bool first = l == levels - 1;
-        /* A geometric pass that follows makes its own last tenths of a pixel. */
-        sweep_plan plan = {options->fine_iterations, 2.0f, 0.5f, 0, l == 0 && problem->filter};
+        /* One full-size sweep is enough where a geometric pass adds another. */
+        bool followed = l == 0 && !problem->filter;
+        sweep_plan plan = {followed ? 1 : options->fine_iterations, 2.0f, 0.5f, 0, l == 0};
         if (first) {
             plan.iterations = options->coarse_iterations;
             plan.reach_px = 8.0f;
@@ -340,7 +347,7 @@ static tsuya_status solve_photometric(scale *s, const tsuya_patchmatch_problem *
             scale_refine(s, &coarse);
         }
         scale_free(&coarse);
-        TSUYA_GOTO_DONE(status, run_sweeps(s, &plan, first ? PATCH_START : PATCH_SCORE, &turn, kernel, context));
+        TSUYA_GOTO_DONE(status, run_sweeps(s, &plan, first ? PATCH_START : PATCH_SWEEP, &turn, kernel, context));
         if (l > 0) {
             coarse = *s;
             memset(s, 0, sizeof *s);

@@ -199,9 +199,8 @@ INLINE bool none(vi mask)
 typedef struct lane_curve { vf at, x, y, xx, xy, yy; } lane_curve; /* xx and yy: half the second derivative */
 
 /* `sound` loses the lanes where the window is too large for 16 bits or more than half a pixel is left out. */
-INLINE lane_curve curve_of(const lane_warp *h, int r, vi *sound)
+INLINE lane_curve curve_of(const lane_warp *h, int r, vf inverse, vi *sound)
 {
-    vf inverse = 1.0f / select_f(*sound, h->at[2], splat(1.0f));
     vf alpha = h->dx[2] * inverse, beta = h->dy[2] * inverse;
     lane_curve c;
     c.at = h->at[r] * inverse;
@@ -281,16 +280,16 @@ INLINE vf sample_quads(const uint64_t *quad, vi base, vi stride_and_one, vi at)
 /* 1 − bilaterally weighted NCC of the reference window and its image in source `s` under the plane, of what linear ramps
  * leave of both.  NCC cannot tell where along a ramp it is, and the flanks of a highlight on bare satin are ramps that
  * move with the view: without them a window must show texture to correlate. */
-INLINE vf ncc_cost(const lane_batch *b, const patch_source *s, const vf base[3], lane_plane p, vi *seen)
+INLINE vf ncc_cost(const lane_batch *b, const patch_source *s, const vf base[3], lane_plane p)
 {
     const float unit = (float)(1 << PATCH_FRACTION_BITS);
     lane_warp h = warp_of(s, base, p);
     vi inside = warp_inside(&h, s);
-    lane_curve curve[2] = {curve_of(&h, 0, &inside), curve_of(&h, 1, &inside)};
-    *seen = inside;
     if (none(inside)) {
         return splat(PATCH_COST_UNSEEN);
     }
+    vf inverse = 1.0f / select_f(inside, h.at[2], splat(1.0f));
+    lane_curve curve[2] = {curve_of(&h, 0, inverse, &inside), curve_of(&h, 1, inverse, &inside)};
     lane_walk walk = walk_begin(curve, inside, s->stride);
     vi stride_and_one = splat_int(1 | s->stride << 16);
     vf first = {}, second = {}, mixed = {}, slope_x = {}, slope_y = {};
@@ -410,8 +409,7 @@ INLINE vf trusted_cost(const lane_trust *trust, const vf *cost, const vf *geomet
 INLINE void plane_costs(vf *cost, vf *geometric, const lane_batch *b, const patch_level *level, lane_plane p)
 {
     for (int s = 0; s < level->source_count; s++) {
-        vi seen;
-        cost[s] = ncc_cost(b, &level->source[s], b->base[s], p, &seen);
+        cost[s] = ncc_cost(b, &level->source[s], b->base[s], p);
         if (level->geometric) {
             geometric[s] = geometric_error(b, &level->source[s], b->base[s], p);
         }
@@ -432,8 +430,7 @@ INLINE vf plane_cost_trusted(const lane_trust *trust, const lane_batch *b, const
         if (none(fit & (sum < enough))) {
             break;
         }
-        vi seen;
-        vf c = ncc_cost(b, &level->source[s], b->base[s], p, &seen);
+        vf c = ncc_cost(b, &level->source[s], b->base[s], p);
         if (level->geometric) {
             c += 0.2f * geometric_error(b, &level->source[s], b->base[s], p);
         }

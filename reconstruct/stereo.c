@@ -8,7 +8,7 @@
 #include <string.h>
 
 /* Raised whenever the maps of the same inputs change. */
-static const char *const stereo_version = "tsuya stereo 2";
+static const char *const stereo_version = "tsuya stereo 3";
 
 enum { LEVELS = 3 };
 
