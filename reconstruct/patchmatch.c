@@ -16,7 +16,7 @@ tsuya_patchmatch_options tsuya_patchmatch_options_default(void)
         .view_selection = true,
         .coarse_iterations = 4,
         .fine_iterations = 2,
-        .geometric_iterations = 1,
+        .geometric_iterations = 2,
         .sigma_color = 0.12f,
         .max_cost = 0.85f,
         .min_contrast = 0.004f,

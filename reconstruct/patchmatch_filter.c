@@ -185,8 +185,11 @@ tsuya_status tsuya_patchmatch_filter(plane_field *field, const patch_level *leve
     }
     for (size_t at = 0; at < pixels; at++) {
         field->w[at] = seen[at] ? 0.0f : field->w[at];
-        seen[at] = 0;
     }
+    if (!level->keep) {
+        tsuya_patchmatch_drop_backdrop(field, level, seen, stack, context);
+    }
+    memset(seen, 0, pixels);
     drop_islands(field, options->min_component_px, stack, seen);
     smooth(w, field, context);
     memcpy(field->w, w, pixels * sizeof *w);

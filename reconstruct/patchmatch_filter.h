@@ -10,6 +10,11 @@ TSUYA_MUST_CHECK tsuya_status tsuya_patchmatch_filter(plane_field *field, const 
                                                       const tsuya_patchmatch_options *options,
                                                       const tsuya_context *context);
 
+/* Takes the depth from a bare backdrop's pixels along outlines (patchmatch_backdrop.c).  `flag` and `stack`: scratch of one
+ * entry a pixel. */
+void tsuya_patchmatch_drop_backdrop(plane_field *field, const patch_level *level, uint8_t *flag, size_t *stack,
+                                    const tsuya_context *context);
+
 /* Depth, normal and cost of the planes with w > 0. */
 void tsuya_patchmatch_store(tsuya_depth_map *map, const plane_field *field, const patch_level *level);
 

@@ -57,6 +57,15 @@ static void cylinder_is_recovered_to_its_flanks(void **state)
     assert_true(e.wrong <= 0.01);
 }
 
+/* Without a mask the bare backdrop must not take on the depth of what stands before it (without that rule: 0.008). */
+static void backdrop_stays_empty_without_a_mask(void **state)
+{
+    (void)state;
+    scene_errors e = errors_of(SCENE_CYLINDER, 160, 6, 2, true, false);
+    assert_accurate(e);
+    assert_true(e.wrong <= 0.005);
+}
+
 static void grazing_plane_is_recovered(void **state)
 {
     (void)state;
@@ -252,6 +261,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(sheet_is_recovered),
         cmocka_unit_test(cylinder_is_recovered_to_its_flanks),
+        cmocka_unit_test(backdrop_stays_empty_without_a_mask),
         cmocka_unit_test(grazing_plane_is_recovered),
         cmocka_unit_test(slab_is_recovered),
         cmocka_unit_test(bare_cloth_stays_open),
