@@ -39,8 +39,8 @@ typedef struct tsuya_stereo_info {
 } tsuya_stereo_info;
 
 /* Fails on a model without points (the depth range would be unknown), on photographs whose size is not their camera's,
- * on lenses other than pinhole, on unreadable files, disk full, interruption.  About 19 processor seconds a megapixel
- * with five sources (on a busy machine); memory: the cache, and about 60 bytes a pixel of one reference. */
+ * on lenses other than pinhole, on unreadable files, disk full, interruption.  About 14 processor seconds a megapixel
+ * with five sources; memory: the cache, and about 60 bytes a pixel of one reference. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_stereo(tsuya_stereo_info *info, const tsuya_stereo_options *options,
                                                      const tsuya_context *context);
 TSUYA_API void tsuya_stereo_info_to_json(tsuya_json *object, const tsuya_stereo_info *info);
