@@ -5,9 +5,13 @@
 #include "weave_detect/refine.h"
 
 #include <math.h>
+#include <string.h>
 
 static const double SAME_RAD = 2.0 * M_PI / 180.0, RIGHT_RAD = 2.0 * M_PI / 180.0;
 static const float LONE_LEVEL = 3.5f, NOISE_LEVEL = 2.55f, NONE = 0.5f;
+static const float LEAST_PROBABILITY = 0.003f;
+static const double SHARE_LEAST = 0.2; /* of the window's power that a patch must hold */
+static const double DOUBT = 0.5;       /* below, the patch is also looked at alone */
 static const double KIND_MARGIN = 0.25; /* of the level's feature over the next step's, before a kind is named */
 
 struct tsuya_detector {
@@ -49,12 +53,15 @@ void tsuya_detector_free(tsuya_detector *d)
 /* Threads run at right angles to their frequency; y up. */
 static double thread_angle(const double f[2]) { return tsuya_line_wrap(atan2(f[0], f[1])); }
 
-static bool same_threads(const tsuya_basis *p, const tsuya_basis *q)
+static bool same_threads(const double p[2][2], const double q[2][2])
 {
-    double aa = tsuya_line_difference(thread_angle(p->f[0]), thread_angle(q->f[0])), bb = tsuya_line_difference(thread_angle(p->f[1]), thread_angle(q->f[1]));
-    double ab = tsuya_line_difference(thread_angle(p->f[0]), thread_angle(q->f[1])), ba = tsuya_line_difference(thread_angle(p->f[1]), thread_angle(q->f[0]));
-    return fmin(fmax(aa, bb), fmax(ab, ba)) < SAME_RAD;
+    double pa = thread_angle(p[0]), pb = thread_angle(p[1]), qa = thread_angle(q[0]), qb = thread_angle(q[1]);
+    double straight = fmax(tsuya_line_difference(pa, qa), tsuya_line_difference(pb, qb));
+    double swapped = fmax(tsuya_line_difference(pa, qb), tsuya_line_difference(pb, qa));
+    return fmin(straight, swapped) < SAME_RAD;
 }
+
+#define FREQUENCIES(p) ((const double(*)[2])(p)->f)
 
 /* The angle pair of highest probability; `best` its likeliest basis. */
 static double choose(const tsuya_bases *bases, int *best)
@@ -67,7 +74,8 @@ static double choose(const tsuya_bases *bases, int *best)
             continue;
         }
         for (int j = 0; j < bases->count; j++) {
-            sum += same_threads(&bases->basis[i], &bases->basis[j]) ? (double)bases->basis[j].probability : 0.0;
+            bool alike = bases->basis[j].probability > 1e-4f && same_threads(FREQUENCIES(&bases->basis[i]), FREQUENCIES(&bases->basis[j]));
+            sum += alike ? (double)bases->basis[j].probability : 0.0;
         }
         bool likelier = *best < 0 || sum > highest * 1.0001 || (sum > highest * 0.9999 && bases->basis[i].probability > bases->basis[*best].probability);
         if (likelier) {
@@ -112,6 +120,15 @@ static bool is_one_tone(const tsuya_spectrum *s)
     return true;
 }
 
+static void set_threads(tsuya_threads *threads, const tsuya_refined *refined, double probability, int step, double margin)
+{
+    double worse = fmax(refined->sigma_rad[0], refined->sigma_rad[1]);
+    threads->a = family_of(refined->f[0], refined->sigma_rad[0]);
+    threads->b = family_of(refined->f[1], refined->sigma_rad[1]);
+    threads->confidence = probability * erf(RIGHT_RAD / (sqrt(2.0) * fmax(worse, 1e-6)));
+    threads->kind = margin > KIND_MARGIN ? tsuya_steps[step].kind : TSUYA_WEAVE_UNKNOWN;
+}
+
 void tsuya_detector_run(tsuya_detector *d, tsuya_threads *threads, const float *values)
 {
     int best;
@@ -130,11 +147,92 @@ void tsuya_detector_run(tsuya_detector *d, tsuya_threads *threads, const float *
     }
     const tsuya_basis *b = &d->bases.basis[best];
     tsuya_refine(&refined, d->refiner, d->spectrum, b, d->rounds);
-    threads->a = family_of(refined.f[0], refined.sigma_rad[0]);
-    threads->b = family_of(refined.f[1], refined.sigma_rad[1]);
-    double worse = fmax(refined.sigma_rad[0], refined.sigma_rad[1]);
-    threads->confidence = probability * erf(RIGHT_RAD / (sqrt(2.0) * fmax(worse, 1e-6)));
-    if (b->feature[TSUYA_FEATURE_MARGIN] > (float)KIND_MARGIN) {
-        threads->kind = tsuya_steps[b->step].kind;
+    set_threads(threads, &refined, probability, b->step, (double)b->feature[TSUYA_FEATURE_MARGIN]);
+}
+
+static void keep_alternative(tsuya_finding *finding, const tsuya_basis *b)
+{
+    int place = finding->count < TSUYA_ALTERNATIVES ? finding->count++ : TSUYA_ALTERNATIVES;
+    while (place > 0 && finding->alternative[place - 1].probability < b->probability) {
+        if (place < TSUYA_ALTERNATIVES) {
+            finding->alternative[place] = finding->alternative[place - 1];
+        }
+        place--;
+    }
+    if (place < TSUYA_ALTERNATIVES) {
+        tsuya_alternative *a = &finding->alternative[place];
+        *a = (tsuya_alternative){.probability = b->probability, .margin = b->feature[TSUYA_FEATURE_MARGIN], .step = b->step};
+        memcpy(a->f, b->f, sizeof a->f);
+    }
+}
+
+void tsuya_detector_find(tsuya_detector *d, tsuya_finding *finding, const float *values)
+{
+    finding->count = 0;
+    finding->none_probability = 1.0f;
+    finding->empty = !tsuya_spectrum_run(d->spectrum, values) || d->spectrum->peak_count == 0 || d->spectrum->peak[0].level < LONE_LEVEL;
+    if (finding->empty) {
+        return;
+    }
+    tsuya_bases_list(&d->bases, d->spectrum);
+    tsuya_bases_weigh(&d->bases);
+    finding->none_probability = is_one_tone(d->spectrum) ? 1.0f : d->bases.none_probability;
+    for (int k = 0; k < d->bases.count; k++) {
+        if (d->bases.basis[k].probability > LEAST_PROBABILITY) {
+            keep_alternative(finding, &d->bases.basis[k]);
+        }
+    }
+    for (int k = 0; k < finding->count; k++) {
+        tsuya_alternative *a = &finding->alternative[k];
+        a->point_count = tsuya_refine_points(a->point, TSUYA_TONES, d->spectrum, a->step, FREQUENCIES(a));
+    }
+}
+
+/* The probability of the likeliest alternative's angles. */
+static double belief(const tsuya_finding *finding)
+{
+    double sum = 0.0;
+    for (int k = 0; k < finding->count; k++) {
+        bool alike = same_threads(FREQUENCIES(&finding->alternative[0]), FREQUENCIES(&finding->alternative[k]));
+        sum += alike ? (double)finding->alternative[k].probability : 0.0;
+    }
+    return fmin(sum, 1.0);
+}
+
+/* The likeliest alternative on the patch; false where the patch does not hold its share of it. */
+static bool follow(tsuya_detector *d, tsuya_threads *threads, const tsuya_finding *finding)
+{
+    const tsuya_alternative *a = &finding->alternative[0];
+    tsuya_refined refined;
+    double want = 0.0;
+    for (int t = 0; t < a->point_count; t++) {
+        want += (double)a->point[t].power;
+    }
+    if (!tsuya_refine_at(&refined, d->refiner, d->spectrum, FREQUENCIES(a), a->point, a->point_count) || refined.power < SHARE_LEAST * want ||
+        !same_threads(FREQUENCIES(a), FREQUENCIES(&refined))) {
+        return false;
+    }
+    set_threads(threads, &refined, belief(finding), a->step, (double)a->margin);
+    return true;
+}
+
+void tsuya_detector_follow(tsuya_detector *d, tsuya_threads *threads, const tsuya_finding *const *finding, int count, const float *values)
+{
+    bool empty = count > 0, followed = false;
+    *threads = (tsuya_threads){0};
+    for (int k = 0; k < count; k++) {
+        empty = empty && finding[k]->empty;
+    }
+    if (!tsuya_spectrum_detrend(d->spectrum, values)) {
+        return;
+    }
+    tsuya_flow(threads, d->spectrum->detrended, d->n);
+    for (int k = 0; k < count && !followed && !empty; k++) {
+        followed = finding[k]->count > 0 && finding[k]->none_probability < NONE && follow(d, threads, finding[k]);
+    }
+    if (!empty && (!followed || threads->confidence < DOUBT)) {
+        tsuya_threads own;
+        tsuya_detector_run(d, &own, values);
+        *threads = own.confidence > threads->confidence || !followed ? own : *threads;
     }
 }

@@ -2,6 +2,7 @@
 #ifndef TSUYA_WEAVE_DETECT_DETECTOR_H
 #define TSUYA_WEAVE_DETECT_DETECTOR_H
 
+#include "weave_detect/refine.h"
 #include "weave_detect/threads.h"
 
 typedef struct tsuya_detector tsuya_detector; /* workspace of one thread of execution */
@@ -16,5 +17,32 @@ void tsuya_detector_free(tsuya_detector *detector);
 
 /* values: n × n grey, rows top to bottom.  Allocates nothing. */
 void tsuya_detector_run(tsuya_detector *detector, tsuya_threads *threads, const float *values);
+
+/* What a window tells to the patches in it.  A window of twice the patch's side sees twice the repeats and four times the power
+ * over the noise: which peaks are threads is told there, where exactly they run in the patch. */
+enum { TSUYA_ALTERNATIVES = 6 };
+
+typedef struct tsuya_alternative {
+    double f[2][2];
+    float probability, margin; /* margin: how far its step is ahead of the next one */
+    int step, point_count;
+    tsuya_point point[TSUYA_TONES];
+} tsuya_alternative;
+
+typedef struct tsuya_finding {
+    tsuya_alternative alternative[TSUYA_ALTERNATIVES]; /* the likeliest first */
+    int count;
+    float none_probability;
+    bool empty; /* nothing stands above the noise */
+} tsuya_finding;
+
+void tsuya_detector_find(tsuya_detector *detector, tsuya_finding *finding, const float *values);
+
+/* The patch's threads, given what windows around it found, the best suited first.  Where the patch does not show them, or no window knows,
+ * the patch is looked at alone. */
+void tsuya_detector_follow(tsuya_detector *detector, tsuya_threads *threads, const tsuya_finding *const *finding, int count, const float *values);
+
+/* Alternatives that the windows around (columns × rows of them) believe gain, others lose. */
+TSUYA_MUST_CHECK tsuya_status tsuya_findings_pool(tsuya_finding *finding, int columns, int rows);
 
 #endif

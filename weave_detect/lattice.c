@@ -135,6 +135,9 @@ static void choose_step(tsuya_basis *b, const tsuya_spectrum *s, double *mean, d
     *second = best_score - *second;
 }
 
+/* Of the patch: 0 for 64 px, 1 for 128. */
+static float size_feature(const tsuya_spectrum *s) { return (float)fmin(fmax(log2(s->n / 64.0), -1.0), 1.5); }
+
 static float high(float a, float b) { return a > b ? a : b; }
 static float low(float a, float b) { return a < b ? a : b; }
 
@@ -187,7 +190,7 @@ static void describe(tsuya_basis *b, const tsuya_spectrum *s, float top, bool in
         a[1], c[1], a[2], c[2], a[3], c[3], high(up, down), low(up, down), half[0], half[1], thirds[0], thirds[1], next, beside,
         LEVEL_SCALE * (float)mean, LEVEL_SCALE * (float)best, LEVEL_SCALE * (float)fmin(margin, 20.0), explained_share(s, b, step),
         (float)(4.0 * dot * dot), (float)(ratio * ratio), (float)log(6.0 * length[0]), (float)log(6.0 * length[1]),
-        LEVEL_SCALE * top, 1.0f, step->repeat == 2, step->repeat == 3, step->repeat == 4, step->repeat == 5, step->repeat == 8,
+        LEVEL_SCALE * top, size_feature(s), step->repeat == 2, step->repeat == 3, step->repeat == 4, step->repeat == 5, step->repeat == 8,
         0.3f * along[0], 0.3f * along[1], 0.3f * high(between[0], between[1]), 0.3f * low(between[0], between[1]),
         a[1] - LEVEL_SCALE * top, 0.1f * (float)s->peak_count, inferred ? 1.0f : 0.0f,
     };
@@ -326,6 +329,7 @@ TSUYA_CLONES("avx2", "default") __attribute__((flatten)) static void list_bases(
     }
     memset(bases->none_feature, 0, sizeof bases->none_feature);
     bases->none_feature[22] = LEVEL_SCALE * top;
+    bases->none_feature[23] = size_feature(s);
     bases->none_feature[34] = 0.1f * (float)s->peak_count;
 }
 

@@ -80,11 +80,11 @@ void tsuya_refiner_free(tsuya_refiner *r)
     }
 }
 
-/* The lattice points that carry most information about the frequencies: power × their own frequency's square. */
-static int choose_tones(tone *list, int most, const tsuya_spectrum *s, const tsuya_step *step, const double f[2][2])
+int tsuya_refine_points(tsuya_point *list, int most, const tsuya_spectrum *s, int step_index, const double f[2][2])
 {
+    const tsuya_step *step = &tsuya_steps[step_index];
     int count = 0, n = step->repeat;
-    double worth[TSUYA_TONES];
+    float worth[TSUYA_TONES]; /* power × their own frequency's square */
     for (int k2 = 0; k2 <= REACH * n; k2++) {
         double a2 = (double)k2 / n, offset = -(double)step->step * a2;
         offset -= floor(offset);
@@ -93,13 +93,15 @@ static int choose_tones(tone *list, int most, const tsuya_spectrum *s, const tsu
             if (k2 == 0 && a1 < 0.5) {
                 continue; /* itself and its mirror */
             }
-            tone t = {.a1 = a1, .a2 = a2, .trust = 1.0, .fx = a1 * f[0][0] + a2 * f[1][0], .fy = a1 * f[0][1] + a2 * f[1][1]};
-            double ff = t.fx * t.fx + t.fy * t.fy;
-            t.level = tsuya_spectrum_level(s, t.fx, t.fy);
-            if (t.level < TONE_LEVEL || ff > 0.23 || ff * s->n * s->n < 3.6) {
+            double fx = a1 * f[0][0] + a2 * f[1][0], fy = a1 * f[0][1] + a2 * f[1][1], ff = fx * fx + fy * fy;
+            if (ff > 0.23 || ff * s->n * s->n < 3.6) {
                 continue;
             }
-            double value = (exp((double)t.level) - 1.0) * (a1 * a1 + a2 * a2 + 0.05);
+            float level = tsuya_spectrum_level(s, fx, fy);
+            if (level < TONE_LEVEL) {
+                continue;
+            }
+            float value = (expf(level) - 1.0f) * (float)(a1 * a1 + a2 * a2 + 0.05);
             int place = count < most ? count++ : most;
             while (place > 0 && worth[place - 1] < value) {
                 if (place < most) {
@@ -109,7 +111,7 @@ static int choose_tones(tone *list, int most, const tsuya_spectrum *s, const tsu
                 place--;
             }
             if (place < most) {
-                list[place] = t;
+                list[place] = (tsuya_point){(float)a1, (float)a2, tsuya_spectrum_power(s, fx, fy)};
                 worth[place] = value;
             }
         }
@@ -415,35 +417,53 @@ static void set_sigmas(tsuya_refined *out, double inverse[4][4])
     }
 }
 
-bool tsuya_refine(tsuya_refined *out, tsuya_refiner *r, const tsuya_spectrum *s, const tsuya_basis *b, int rounds)
+bool tsuya_refine_at(tsuya_refined *out, tsuya_refiner *r, const tsuya_spectrum *s, const double f[2][2], const tsuya_point *point, int count)
 {
     tone list[TSUYA_TONES];
-    double inverse[4][4], smear[2] = {0.0, 0.0};
+    double inverse[4][4], smear[2] = {0.0, 0.0}, energy = put_window(r, s);
+    *out = (tsuya_refined){.sigma_rad = {0.05, 0.05}};
+    memcpy(out->f, f, sizeof out->f);
+    for (int t = 0; t < count; t++) {
+        double a1 = (double)point[t].a1, a2 = (double)point[t].a2;
+        list[t] = (tone){.a1 = a1, .a2 = a2, .trust = 1.0, .fx = a1 * f[0][0] + a2 * f[1][0], .fy = a1 * f[0][1] + a2 * f[1][1]};
+    }
+    count = measure_tones(list, count, r);
+    if (count < 2) {
+        return false;
+    }
+    double variance = left_variance(list, count, energy, r->sum), tone_variance = variance / (8.0 * M_PI * M_PI * r->sum_xx);
+    for (int pass = 0; pass < 4; pass++) {
+        if (!solve_lattice(out->f, inverse, list, count, tone_variance, smear)) {
+            memcpy(out->f, f, sizeof out->f);
+            return false;
+        }
+        if (count > 2) {
+            measure_smear(smear, &out->scatter, (const double(*)[2])out->f, list, count, tone_variance);
+            judge_tones((const double(*)[2])out->f, list, count, tone_variance, smear);
+        }
+    }
+    for (int t = 0; t < count; t++) {
+        out->power += list[t].re * list[t].re + list[t].im * list[t].im;
+    }
+    out->noise = sqrt(variance);
+    out->tones = count;
+    set_sigmas(out, inverse);
+    return true;
+}
+
+bool tsuya_refine(tsuya_refined *out, tsuya_refiner *r, const tsuya_spectrum *s, const tsuya_basis *b, int rounds)
+{
     *out = (tsuya_refined){.sigma_rad = {0.05, 0.05}};
     memcpy(out->f, b->f, sizeof out->f);
-    double energy = rounds > 0 ? put_window(r, s) : 0.0;
     for (int round = 0; round < rounds; round++) {
-        int most = round + 1 < rounds ? TSUYA_TONES_FIRST : TSUYA_TONES;
-        int count = choose_tones(list, most, s, &tsuya_steps[b->step], (const double(*)[2])out->f);
-        count = measure_tones(list, count, r);
-        if (count < 2) {
+        tsuya_point point[TSUYA_TONES];
+        double f[2][2];
+        memcpy(f, out->f, sizeof f);
+        int count = tsuya_refine_points(point, round + 1 < rounds ? TSUYA_TONES_FIRST : TSUYA_TONES, s, b->step, (const double(*)[2])f);
+        if (!tsuya_refine_at(out, r, s, (const double(*)[2])f, point, count)) {
             memcpy(out->f, b->f, sizeof out->f);
             return false;
         }
-        double variance = left_variance(list, count, energy, r->sum), tone_variance = variance / (8.0 * M_PI * M_PI * r->sum_xx);
-        for (int pass = 0; pass < 4; pass++) {
-            if (!solve_lattice(out->f, inverse, list, count, tone_variance, smear)) {
-                memcpy(out->f, b->f, sizeof out->f);
-                return false;
-            }
-            if (count > 2) {
-                measure_smear(smear, &out->scatter, (const double(*)[2])out->f, list, count, tone_variance);
-                judge_tones((const double(*)[2])out->f, list, count, tone_variance, smear);
-            }
-        }
-        out->noise = sqrt(variance);
-        out->tones = count;
-        set_sigmas(out, inverse);
     }
     return rounds > 0;
 }

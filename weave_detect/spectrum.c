@@ -14,7 +14,7 @@ static const double FLOOR = 1e-7;           /* of the highest power: below it si
 static const double FLAT_VARIANCE = 2.5e-7; /* an eighth of a grey level of 8 bits, squared */
 static const double NOISE_QUANTILE = 0.3;
 
-static int bin_index(const tsuya_spectrum *s, int kx, int ky)
+static inline int bin_index(const tsuya_spectrum *s, int kx, int ky)
 {
     if (ky < 0) {
         kx = -kx;
@@ -191,7 +191,7 @@ TSUYA_CLONES("avx2", "default") static void window_row(float *restrict plain, fl
 }
 
 /* Mean and slope out, window on; false for a flat patch. */
-static bool prepare(tsuya_spectrum *s, const float *v)
+bool tsuya_spectrum_detrend(tsuya_spectrum *s, const float *v)
 {
     int n = s->n;
     double mean = 0.0, sx = 0.0, sy = 0.0, square = 0.0, count = (double)n * n;
@@ -401,7 +401,7 @@ static void sum_directions(tsuya_spectrum *s)
 bool tsuya_spectrum_run(tsuya_spectrum *s, const float *values)
 {
     s->peak_count = 0;
-    if (!prepare(s, values)) {
+    if (!tsuya_spectrum_detrend(s, values)) {
         return false;
     }
     tsuya_fourier_run(&s->fourier, s->padded);
@@ -419,6 +419,16 @@ float tsuya_spectrum_level(const tsuya_spectrum *s, double fx, double fy)
         return 0.0f;
     }
     return s->level[bin_index(s, (int)lrint(fx * s->size), (int)lrint(fy * s->size))];
+}
+
+float tsuya_spectrum_power(const tsuya_spectrum *s, double fx, double fy)
+{
+    int kx = (int)lrint(fx * s->size), ky = (int)lrint(fy * s->size);
+    float highest = 0.0f, sum = 0.25f * (float)s->n * (float)s->n; /* of the window */
+    for (int k = 0; k < 9; k++) {
+        highest = fmaxf(highest, s->power[bin_index(s, kx + k % 3 - 1, ky + k / 3 - 1)]);
+    }
+    return highest / (sum * sum);
 }
 
 float tsuya_spectrum_energy(const tsuya_spectrum *s, double fx, double fy) { return logf(s->energy[direction_of(fx, fy)] + 0.02f); }

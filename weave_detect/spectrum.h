@@ -40,10 +40,16 @@ void tsuya_spectrum_free(tsuya_spectrum *spectrum);
 /* values: n × n grey, rows top to bottom.  False for a flat patch, whose spectrum is not made. */
 bool tsuya_spectrum_run(tsuya_spectrum *spectrum, const float *values);
 
+/* Only `detrended` and `variance`.  False for a flat patch. */
+bool tsuya_spectrum_detrend(tsuya_spectrum *spectrum, const float *values);
+
 /* ln of the energy of gradients that run along f. */
 float tsuya_spectrum_energy(const tsuya_spectrum *spectrum, double fx, double fy);
 
 /* The level at the bin nearest to a frequency; 0 beyond what pixels carry and near frequency 0. */
 float tsuya_spectrum_level(const tsuya_spectrum *spectrum, double fx, double fy);
+
+/* Amplitude² of the strongest wave (as re² + im² of A in 2·Re A e^{iφ}) within a bin of a frequency that pixels carry. */
+float tsuya_spectrum_power(const tsuya_spectrum *spectrum, double fx, double fy);
 
 #endif

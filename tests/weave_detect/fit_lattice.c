@@ -1,9 +1,9 @@
 /* Fits the weights of weave_detect/lattice.c on drawn cloth and on pictures that are none, and prints lattice_weights.h.
  *
- *     build/release/tests/weave_detect/fit_lattice 36000 > weave_detect/lattice_weights.h
+ *     build/release/tests/weave_detect/fit_lattice 18000 [DRAWN] > weave_detect/lattice_weights.h
  *
- * Maximum likelihood of the right alternative (or of "none" where no alternative is right), by Adam (Kingma & Ba 2015).  Draws with
- * seed 1000; tests and benches use other seeds. */
+ * Maximum likelihood of the right alternative (or of "none" where no alternative is right), by Adam (Kingma & Ba 2015), on windows of 128 px
+ * and on their middle 64.  Draws with seed 1000; tests and benches use other seeds.  DRAWN keeps the pictures for the next fit. */
 #include "scene_other.h"
 #include "scene_weave.h"
 
@@ -17,56 +17,91 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { N = 64, EPOCHS = 36, BATCH = 128, SEED = 1000 };
+enum { N = 64, WIDE = 128, EPOCHS = 30, BATCH = 128, SEED = 1000 };
 
 typedef struct example {
-    int count, right[TSUYA_BASES + 1]; /* the last alternative is "none" */
+    int count;
+    uint8_t right[TSUYA_BASES + 1]; /* the last alternative is "none" */
     float feature[TSUYA_BASES + 1][TSUYA_FEATURES];
 } example;
 
-static double angle(const double f[2]) { return tsuya_line_wrap(atan2(f[0], f[1])); }
+typedef struct sample {
+    int kind; /* 0 cloth, 1 rough cloth, 2 finer than pixels, else no cloth */
+    float weft_deg, warp_deg, weft_px, warp_px, contrast, rough;
+    int draft;
+    uint16_t value[WIDE * WIDE];
+} sample;
 
-static bool family_right(const double f[2], double want_deg, double want_px)
+static void draw(sample *s, uint64_t index)
 {
-    double miss = tsuya_line_difference(angle(f), want_deg * M_PI / 180.0);
-    return miss < 2.5 * M_PI / 180.0 && fabs(hypot(f[0], f[1]) * want_px - 1.0) < 0.09;
+    float values[WIDE * WIDE];
+    weave_cloth cloth = {0};
+    weave_camera camera = {0};
+    s->kind = index % 10 < 5 ? 0 : index % 10 < 8 ? 1 : index % 20 == 19 ? 2 : 3;
+    if (s->kind == 3) {
+        other_draw(values, WIDE, (other_kind)(index / 10 % (OTHER_KIND_COUNT - 1)), SEED, index);
+    } else {
+        (s->kind == 1 ? weave_random_rough : weave_random)(&cloth, &camera, SEED, index);
+        if (s->kind == 2) { /* what is seen is moiré */
+            double finer = 1.7 / fmin(cloth.weft_px, cloth.warp_px) * (0.4 + 0.6 * tsuya_random_uniform(SEED, 6, index));
+            cloth.weft_px *= finer;
+            cloth.warp_px *= finer;
+            cloth.uneven = 0.0;
+            camera.blur_px = 0.3;
+            camera.contrast *= 2.0;
+        }
+        weave_draw(values, WIDE, &cloth, &camera);
+    }
+    s->weft_deg = (float)cloth.weft_deg;
+    s->warp_deg = (float)cloth.warp_deg;
+    s->weft_px = (float)cloth.weft_px;
+    s->warp_px = (float)cloth.warp_px;
+    s->contrast = (float)camera.contrast;
+    s->rough = (float)cloth.rough;
+    s->draft = (int)cloth.draft;
+    for (int i = 0; i < WIDE * WIDE; i++) {
+        s->value[i] = (uint16_t)fmin(fmax(32768.0 * (double)values[i] + 8192.0, 0.0), 65535.0);
+    }
 }
 
-static void make(example *e, uint64_t index)
+static double angle(const double f[2]) { return tsuya_line_wrap(atan2(f[0], f[1])); }
+
+static bool family_right(const double f[2], double want_deg, double want_px, double rough)
 {
-    static _Thread_local tsuya_spectrum *s;
-    float values[N * N];
-    weave_cloth cloth;
-    weave_camera camera;
+    double miss = tsuya_line_difference(angle(f), want_deg * M_PI / 180.0);
+    return miss < 2.5 * M_PI / 180.0 && fabs(hypot(f[0], f[1]) * want_px - 1.0) < 0.09 + 0.08 * rough;
+}
+
+static bool is_right(const tsuya_basis *b, const sample *s)
+{
+    double weft = (double)s->weft_deg, warp = (double)s->warp_deg, weft_px = (double)s->weft_px, warp_px = (double)s->warp_px, rough = (double)s->rough;
+    return s->kind < 2 && ((family_right(b->f[0], weft, weft_px, rough) && family_right(b->f[1], warp, warp_px, rough)) ||
+                           (family_right(b->f[1], weft, weft_px, rough) && family_right(b->f[0], warp, warp_px, rough)));
+}
+
+/* The middle n × n. */
+static void make(example *e, const sample *s, int n)
+{
+    static _Thread_local tsuya_spectrum *spectra[2];
+    tsuya_spectrum **spectrum = &spectra[n == WIDE];
+    float values[WIDE * WIDE];
     tsuya_bases bases;
-    bool is_cloth = index % 5 != 4, unresolved = index % 20 == 19;
-    if (!s && tsuya_spectrum_create(&s, N) != TSUYA_OK) {
+    if (!*spectrum && tsuya_spectrum_create(spectrum, n) != TSUYA_OK) {
         abort();
     }
-    if (is_cloth) {
-        weave_random(&cloth, &camera, SEED, index);
-        weave_draw(values, N, &cloth, &camera);
-    } else if (unresolved) { /* finer than pixels: what is seen is moiré */
-        weave_random(&cloth, &camera, SEED, index);
-        double finer = 1.7 / fmin(cloth.weft_px, cloth.warp_px) * (0.4 + 0.6 * tsuya_random_uniform(SEED, 6, index));
-        cloth.weft_px *= finer;
-        cloth.warp_px *= finer;
-        cloth.uneven = 0.0;
-        camera.blur_px = 0.3;
-        camera.contrast *= 2.0;
-        weave_draw(values, N, &cloth, &camera);
-    } else {
-        other_draw(values, N, (other_kind)(index / 5 % (OTHER_KIND_COUNT - 1)), SEED, index);
+    for (int y = 0; y < n; y++) {
+        for (int x = 0; x < n; x++) {
+            int from = (WIDE - n) / 2;
+            values[y * n + x] = (float)(s->value[(y + from) * WIDE + x + from] - 8192) / 32768.0f;
+        }
     }
-    tsuya_spectrum_run(s, values);
-    tsuya_bases_list(&bases, s);
+    tsuya_spectrum_run(*spectrum, values);
+    tsuya_bases_list(&bases, *spectrum);
     bool any = false;
     e->count = bases.count;
     for (int k = 0; k < bases.count; k++) {
-        const tsuya_basis *b = &bases.basis[k];
-        memcpy(e->feature[k], b->feature, sizeof b->feature);
-        e->right[k] = is_cloth && ((family_right(b->f[0], cloth.weft_deg, cloth.weft_px) && family_right(b->f[1], cloth.warp_deg, cloth.warp_px)) ||
-                                   (family_right(b->f[1], cloth.weft_deg, cloth.weft_px) && family_right(b->f[0], cloth.warp_deg, cloth.warp_px)));
+        memcpy(e->feature[k], bases.basis[k].feature, sizeof e->feature[k]);
+        e->right[k] = is_right(&bases.basis[k], s);
         any = any || e->right[k];
     }
     memcpy(e->feature[bases.count], bases.none_feature, sizeof bases.none_feature);
@@ -117,7 +152,7 @@ static void backward(float *gradient, const float *weight, const float *feature,
 /* Adds the gradient of −ln P(right) to `gradient`; returns the loss, and whether the most probable alternative is right. */
 static double accumulate(float *gradient, const float *weight, const example *e, bool *hit)
 {
-    static layers l[TSUYA_BASES + 1];
+    layers l[TSUYA_BASES + 1];
     double p[TSUYA_BASES + 1], sum = 0.0, good = 0.0, highest = -1e30;
     int best = 0;
     for (int k = 0; k <= e->count; k++) {
@@ -142,15 +177,19 @@ static double accumulate(float *gradient, const float *weight, const example *e,
 
 static void report(const char *name, const float *weight, const example *list, int count)
 {
-    double loss = 0.0;
-    int hits = 0, reachable = 0;
+    double loss[2] = {0.0, 0.0};
+    int hits[2] = {0, 0}, reachable[2] = {0, 0};
+#pragma omp parallel for reduction(+ : loss, hits, reachable)
     for (int i = 0; i < count; i++) {
         bool hit;
-        loss += accumulate(NULL, weight, &list[i], &hit);
-        hits += hit;
-        reachable += !list[i].right[list[i].count];
+        loss[i & 1] += accumulate(NULL, weight, &list[i], &hit);
+        hits[i & 1] += hit;
+        reachable[i & 1] += !list[i].right[list[i].count];
     }
-    fprintf(stderr, "%s: loss %.4f, right %.4f, reachable %.4f\n", name, loss / count, (double)hits / count, (double)reachable / count);
+    for (int wide = 0; wide < 2; wide++) {
+        double half = 0.5 * count;
+        fprintf(stderr, "%s, %d px: loss %.4f, right %.4f, reachable %.4f\n", name, wide ? WIDE : N, loss[wide] / half, hits[wide] / half, reachable[wide] / half);
+    }
 }
 
 static void fit(float *weight, const example *list, int count, const example *held, int held_count)
@@ -195,20 +234,44 @@ static void print_weights(const float *weight)
     printf("\n};\n\n#endif\n");
 }
 
+static void draw_all(example *list, int count, const char *path)
+{
+    FILE *kept = path ? fopen(path, "rb") : NULL;
+    FILE *out = path && !kept ? fopen(path, "wb") : NULL;
+#pragma omp parallel for ordered schedule(dynamic, 1)
+    for (int i = 0; i < count; i++) {
+        sample s;
+        if (!kept) {
+            draw(&s, (uint64_t)i);
+        }
+#pragma omp ordered
+        {
+            if ((kept && fread(&s, sizeof s, 1, kept) != 1) || (out && fwrite(&s, sizeof s, 1, out) != 1)) {
+                abort();
+            }
+        }
+        make(&list[2 * i], &s, N);
+        make(&list[2 * i + 1], &s, WIDE);
+    }
+    if (kept) {
+        fclose(kept);
+    }
+    if (out) {
+        fclose(out);
+    }
+}
+
 int main(int argc, char **argv)
 {
     int count = argc > 1 ? atoi(argv[1]) : 6000, held = count / 10;
     static float weight[TSUYA_WEIGHTS];
-    example *list = tsuya_calloc((size_t)count, sizeof *list);
+    example *list = tsuya_calloc(2 * (size_t)count, sizeof *list);
     if (!list) {
         return 1;
     }
-#pragma omp parallel for schedule(dynamic, 16)
-    for (int i = 0; i < count; i++) {
-        make(&list[i], (uint64_t)i);
-    }
+    draw_all(list, count, argc > 2 ? argv[2] : NULL);
     fprintf(stderr, "drawn\n");
-    fit(weight, list + held, count - held, list, held);
+    fit(weight, list + 2 * held, 2 * (count - held), list, 2 * held);
     print_weights(weight);
     tsuya_free(list);
     return 0;

@@ -46,6 +46,22 @@ static double thread_random(const weave_cloth *c, int family, int i, int what)
     return fmin(fmax(r, -2.0), 2.0);
 }
 
+/* Two long waves by which threads stand off their places. */
+static void set_waves(weave_loom *loom, int family)
+{
+    const weave_cloth *c = &loom->cloth;
+    for (int k = 0; k < 2 && c->rough > 0.0; k++) {
+        double r[4], *wave = loom->wave[family][k];
+        for (int q = 0; q < 4; q++) {
+            r[q] = tsuya_random_uniform(c->seed, (uint64_t)(30 + 2 * family + k), (uint64_t)q);
+        }
+        wave[0] = c->rough * 0.3 * r[0];
+        wave[1] = 6.283 / (5.0 + 15.0 * r[1]);
+        wave[2] = 6.283 * (2.0 * r[2] - 1.0) / 60.0;
+        wave[3] = 6.283 * r[3];
+    }
+}
+
 void weave_loom_set(weave_loom *loom, const weave_cloth *cloth)
 {
     double lamp = tsuya_rad_from_deg(cloth->lamp_azimuth_deg), elevation = tsuya_rad_from_deg(cloth->lamp_height_deg);
@@ -59,7 +75,9 @@ void weave_loom_set(weave_loom *loom, const weave_cloth *cloth)
             loom->offset[family][i] = cloth->uneven > 0.0 ? cloth->uneven * thread_random(cloth, family, i, 0) : 0.0;
             loom->width[family][i] = cloth->fill * (1.0 + (cloth->uneven > 0.0 ? cloth->uneven * thread_random(cloth, family, i, 1) : 0.0));
             loom->fibre_phase[family][i] = cloth->fibre > 0.0 ? 6.3 * thread_random(cloth, family, i, 2) : 0.0;
+            loom->shade[family][i] = cloth->rough > 0.0 ? 1.0 + 0.15 * cloth->rough * thread_random(cloth, family, i, 3) : 1.0;
         }
+        set_waves(loom, family);
     }
 }
 
@@ -70,15 +88,23 @@ typedef struct thread {
 } thread;
 
 /* The thread of a family nearest to a coordinate. */
-static thread nearest_thread(const weave_loom *l, int family, double at)
+static thread nearest_thread(const weave_loom *l, int family, double at, double along)
 {
     thread best = {0, 1e9, 1.0};
+    double rough = l->cloth.rough;
+    for (int k = 0; k < 2 && rough > 0.0; k++) {
+        const double *wave = l->wave[family][k];
+        at += wave[0] * sin(wave[1] * at + wave[2] * along + wave[3]);
+    }
     int middle = (int)floor(at + 0.5), reach = l->cloth.uneven > 0.0 ? 1 : 0;
     for (int i = middle - reach; i <= middle + reach; i++) {
         double offset = at - i - l->offset[family][i & (WEAVE_THREADS - 1)];
         if (fabs(offset) < fabs(best.offset)) {
             best = (thread){i, offset, l->width[family][i & (WEAVE_THREADS - 1)]};
         }
+    }
+    if (rough > 0.0) { /* slubs */
+        best.width *= 1.0 + 0.2 * rough * sin(0.35 * along + 3.0 * l->fibre_phase[family][best.index & (WEAVE_THREADS - 1)]);
     }
     return best;
 }
@@ -115,7 +141,7 @@ typedef struct ridge {
 /* The thread's surface at a point; false beside it. */
 static bool set_ridge(ridge *r, const weave_loom *l, int family, double across, double along)
 {
-    r->thread = nearest_thread(l, family, across);
+    r->thread = nearest_thread(l, family, across, along);
     r->x = 2.0 * r->thread.offset / r->thread.width;
     if (fabs(r->x) >= 1.0) {
         return false;
@@ -133,7 +159,7 @@ static double ridge_light(const ridge *r, const weave_loom *l, int family, doubl
     double length = sqrt(n_across * n_across + n_along * n_along + n_up * n_up);
     const double *lamp = l->lamp[family];
     double lambert = fmax((n_along * lamp[0] + n_across * lamp[1] + n_up * lamp[2]) / length, 0.0);
-    double albedo = family == 0 ? c->weft_albedo : c->warp_albedo;
+    double albedo = (family == 0 ? c->weft_albedo : c->warp_albedo) * l->shade[family][r->thread.index & (WEAVE_THREADS - 1)];
     if (c->fibre > 0.0) {
         albedo *= 1.0 + fibres(l, family, r->thread.index, r->thread.offset, along);
     }
@@ -341,4 +367,13 @@ void weave_random(weave_cloth *cloth, weave_camera *camera, uint64_t seed, uint6
     camera->gradient = 0.3 * r[19];
     camera->gradient_deg = 360.0 * r[20];
     camera->seed = cloth->seed + 1;
+}
+
+void weave_random_rough(weave_cloth *cloth, weave_camera *camera, uint64_t seed, uint64_t index)
+{
+    weave_random(cloth, camera, seed, index);
+    cloth->rough = tsuya_random_uniform(seed, index, 30);
+    cloth->uneven = 0.15 * cloth->rough;
+    cloth->fibre = 0.25 * tsuya_random_uniform(seed, index, 31);
+    camera->contrast = fmax(camera->contrast, 1.0);
 }

@@ -32,6 +32,7 @@ typedef struct weave_cloth {
     double crimp;               /* height of the wave of a thread's centre line over its radius */
     double uneven;              /* standard deviation of thread positions and widths, of a period */
     double fibre;               /* contrast of the fibres */
+    double rough;               /* 0: machine-made; 1: as hand-spun linen: slubs, threads that wander and differ in brightness */
     double lamp_azimuth_deg, lamp_height_deg;
     double weft_albedo, warp_albedo, ground;
     uint64_t seed;              /* of threads and fibres */
@@ -56,7 +57,8 @@ enum { WEAVE_THREADS = 256 }; /* thread numbers repeat modulo this */
 typedef struct weave_loom {
     weave_cloth cloth;
     double lamp[2][3]; /* along, across, up of each family */
-    double offset[2][WEAVE_THREADS], width[2][WEAVE_THREADS], fibre_phase[2][WEAVE_THREADS];
+    double offset[2][WEAVE_THREADS], width[2][WEAVE_THREADS], fibre_phase[2][WEAVE_THREADS], shade[2][WEAVE_THREADS];
+    double wave[2][2][4]; /* [family][mode]: amplitude (threads), per thread across, per thread along, phase */
 } weave_loom;
 
 void weave_loom_set(weave_loom *loom, const weave_cloth *cloth);
@@ -75,5 +77,7 @@ void weave_bound(double *weft_rad, double *warp_rad, int n, const weave_cloth *c
 /* A cloth and camera at random: draft `index` mod 6, period 3 to 12 px, uneven or open in half of the cases, contrast 0.25 to 4, shear
  * to 15 degrees, blur, lamp gradient.  A function of (seed, index). */
 void weave_random(weave_cloth *cloth, weave_camera *camera, uint64_t seed, uint64_t index);
+/* The same with rough yarns. */
+void weave_random_rough(weave_cloth *cloth, weave_camera *camera, uint64_t seed, uint64_t index);
 
 #endif
