@@ -188,15 +188,14 @@ void tsuya_detector_find(tsuya_detector *d, tsuya_finding *finding, const float 
     }
 }
 
-/* The probability of the likeliest alternative's angles. */
-static double belief(const tsuya_finding *finding)
+double tsuya_finding_belief(const tsuya_finding *finding)
 {
     double sum = 0.0;
     for (int k = 0; k < finding->count; k++) {
         bool alike = same_threads(FREQUENCIES(&finding->alternative[0]), FREQUENCIES(&finding->alternative[k]));
         sum += alike ? (double)finding->alternative[k].probability : 0.0;
     }
-    return fmin(sum, 1.0);
+    return finding->none_probability < NONE ? fmin(sum, 1.0) : 0.0;
 }
 
 /* The likeliest alternative on the patch; false where the patch does not hold its share of it. */
@@ -212,7 +211,7 @@ static bool follow(tsuya_detector *d, tsuya_threads *threads, const tsuya_findin
         !same_threads(FREQUENCIES(a), FREQUENCIES(&refined))) {
         return false;
     }
-    set_threads(threads, &refined, belief(finding), a->step, (double)a->margin);
+    set_threads(threads, &refined, tsuya_finding_belief(finding), a->step, (double)a->margin);
     return true;
 }
 

@@ -26,7 +26,7 @@ typedef struct tsuya_alternative {
     double f[2][2];
     float probability, margin; /* margin: how far its step is ahead of the next one */
     int step, point_count;
-    tsuya_point point[TSUYA_TONES];
+    tsuya_lattice_point point[TSUYA_TONES];
 } tsuya_alternative;
 
 typedef struct tsuya_finding {
@@ -37,6 +37,9 @@ typedef struct tsuya_finding {
 } tsuya_finding;
 
 void tsuya_detector_find(tsuya_detector *detector, tsuya_finding *finding, const float *values);
+
+/* The probability of the likeliest alternative's angles; 0 where none is likeliest. */
+double tsuya_finding_belief(const tsuya_finding *finding);
 
 /* The patch's threads, given what windows around it found, the best suited first.  Where the patch does not show them, or no window knows,
  * the patch is looked at alone. */

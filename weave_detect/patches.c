@@ -34,35 +34,99 @@ static bool kept_by_mask(const tsuya_image *mask, int x0, int y0, int n)
     return white >= 128;
 }
 
-typedef struct row_job {
+/* Windows of twice the patch's side stand a side apart; the last of a row stands flush with the image's rim. */
+typedef struct patch_job {
     const tsuya_image *grey, *mask;
     tsuya_patch_grid *grid;
-} row_job;
+    tsuya_finding *finding; /* NULL: the image has no room for windows */
+    int window_columns, window_rows;
+    bool following; /* else: finding */
+} patch_job;
 
-static tsuya_status detect_row(const row_job *job, tsuya_detector *detector, float *values, int row)
+static int window_start(int index, int patch_px, int length_px) { return index * patch_px < length_px - 2 * patch_px ? index * patch_px : length_px - 2 * patch_px; }
+
+static void copy_values(float *values, const tsuya_image *grey, int x0, int y0, int n)
+{
+    for (int y = 0; y < n; y++) {
+        memcpy(values + (size_t)y * (size_t)n, tsuya_image_f32(grey, x0, y0 + y), (size_t)n * sizeof *values);
+    }
+}
+
+static void find_in_row(const patch_job *job, tsuya_detector *detector, float *values, int row)
+{
+    int n = job->grid->patch_px, y0 = window_start(row, n, job->grey->height_px);
+    for (int column = 0; column < job->window_columns; column++) {
+        int x0 = window_start(column, n, job->grey->width_px);
+        tsuya_finding *finding = &job->finding[(size_t)row * (size_t)job->window_columns + (size_t)column];
+        *finding = (tsuya_finding){.empty = true, .none_probability = 1.0f};
+        if (kept_by_mask(job->mask, x0, y0, 2 * n)) {
+            copy_values(values, job->grey, x0, y0, 2 * n);
+            tsuya_detector_find(detector, finding, values);
+        }
+    }
+}
+
+/* The windows that hold a patch along one axis: at most three. */
+static int windows_around(int index[3], int start_px, int patch_px, int length_px, int count)
+{
+    int found = 0, first = start_px / patch_px - 1;
+    for (int k = first < 0 ? 0 : first; k < count && found < 3; k++) {
+        int window = window_start(k, patch_px, length_px);
+        if (window > start_px) {
+            break;
+        }
+        if (window + 2 * patch_px >= start_px + patch_px) {
+            index[found++] = k;
+        }
+    }
+    return found;
+}
+
+/* The two surest windows that hold a patch. */
+static int choose_windows(const tsuya_finding *best[2], const patch_job *job, int x0, int y0)
+{
+    int columns[3], rows[3], n = job->grid->patch_px, count = 0;
+    int across = job->finding ? windows_around(columns, x0, n, job->grey->width_px, job->window_columns) : 0;
+    int down = job->finding ? windows_around(rows, y0, n, job->grey->height_px, job->window_rows) : 0;
+    for (int j = 0; j < down; j++) {
+        for (int i = 0; i < across; i++) {
+            const tsuya_finding *f = &job->finding[(size_t)rows[j] * (size_t)job->window_columns + (size_t)columns[i]];
+            int place = count < 2 ? count++ : 2;
+            while (place > 0 && tsuya_finding_belief(f) > tsuya_finding_belief(best[place - 1])) {
+                if (place < 2) {
+                    best[place] = best[place - 1];
+                }
+                place--;
+            }
+            if (place < 2) {
+                best[place] = f;
+            }
+        }
+    }
+    return count;
+}
+
+static void follow_in_row(const patch_job *job, tsuya_detector *detector, float *values, int row)
 {
     tsuya_patch_grid *grid = job->grid;
     int n = grid->patch_px, y0 = row * grid->step_px;
     for (int column = 0; column < grid->columns; column++) {
         int x0 = column * grid->step_px;
+        const tsuya_finding *best[2];
         tsuya_patch *patch = &grid->patch[(size_t)row * (size_t)grid->columns + (size_t)column];
         patch->x_px = x0 + 0.5 * (n - 1);
         patch->y_px = y0 + 0.5 * (n - 1);
-        if (!kept_by_mask(job->mask, x0, y0, n)) {
-            continue;
+        if (kept_by_mask(job->mask, x0, y0, n)) {
+            copy_values(values, job->grey, x0, y0, n);
+            tsuya_detector_follow(detector, &patch->threads, best, choose_windows(best, job, x0, y0), values);
         }
-        for (int y = 0; y < n; y++) {
-            memcpy(values + (size_t)y * (size_t)n, tsuya_image_f32(job->grey, x0, y0 + y), (size_t)n * sizeof *values);
-        }
-        tsuya_detector_run(detector, &patch->threads, values);
     }
-    return tsuya_check_interrupt();
 }
 
-static tsuya_status detect_rows(const row_job *job, const tsuya_context *context)
+static tsuya_status run_rows(const patch_job *job, const tsuya_context *context)
 {
     tsuya_failure failure = {0};
-    int rows = job->grid->rows, n = job->grid->patch_px, done = 0;
+    int rows = job->following ? job->grid->rows : job->window_rows, n = job->following ? job->grid->patch_px : 2 * job->grid->patch_px, done = 0;
 #pragma omp parallel num_threads(context->threads)
     {
         tsuya_detector *detector = NULL;
@@ -70,19 +134,38 @@ static tsuya_status detect_rows(const row_job *job, const tsuya_context *context
         tsuya_status status = values ? tsuya_detector_create(&detector, n, NULL) : TSUYA_ERROR_MEMORY;
 #pragma omp for schedule(dynamic, 1)
         for (int row = 0; row < rows; row++) {
-            tsuya_status own = status == TSUYA_OK ? detect_row(job, detector, values, row) : status;
+            if (status == TSUYA_OK) {
+                (job->following ? follow_in_row : find_in_row)(job, detector, values, row);
+            }
+            tsuya_status own = status == TSUYA_OK ? tsuya_check_interrupt() : status;
 #pragma omp critical(tsuya_weave_rows)
             {
                 if (own != TSUYA_OK) {
                     tsuya_failure_keep(&failure, (size_t)row, own);
                 }
-                tsuya_progress_update(context, "threads", ++done, rows, NULL);
+                tsuya_progress_update(context, job->following ? "threads" : "weave", ++done, rows, NULL);
             }
         }
         tsuya_detector_free(detector);
         tsuya_free(values);
     }
     return tsuya_failure_raise(&failure);
+}
+
+static tsuya_status find_windows(patch_job *job, const tsuya_context *context)
+{
+    tsuya_status status = TSUYA_OK;
+    int n = job->grid->patch_px, w = job->grey->width_px, h = job->grey->height_px;
+    if (2 * n > 512 || w < 2 * n || h < 2 * n) {
+        return TSUYA_OK;
+    }
+    job->window_columns = (w - 2 * n + n - 1) / n + 1;
+    job->window_rows = (h - 2 * n + n - 1) / n + 1;
+    TSUYA_NEW(status, job->finding, (size_t)job->window_columns * (size_t)job->window_rows);
+    TSUYA_GOTO_DONE(status, run_rows(job, context));
+    TSUYA_GOTO_DONE(status, tsuya_findings_pool(job->finding, job->window_columns, job->window_rows));
+done:
+    return status;
 }
 
 static tsuya_status check_options(const tsuya_image *image, const tsuya_image *mask, const tsuya_patch_options *o)
@@ -109,16 +192,20 @@ tsuya_status tsuya_patches_detect(tsuya_patch_grid *grid, const tsuya_image *ima
 {
     tsuya_status status = TSUYA_OK;
     tsuya_image grey = {0};
+    patch_job job = {0};
     *grid = (tsuya_patch_grid){.patch_px = options->patch_px, .step_px = options->step_px};
     TSUYA_TRY(check_options(image, mask, options));
     grid->columns = (image->width_px - options->patch_px) / options->step_px + 1;
     grid->rows = (image->height_px - options->patch_px) / options->step_px + 1;
     TSUYA_NEW(status, grid->patch, tsuya_patch_count(grid));
     TSUYA_GOTO_DONE(status, tsuya_image_grey(&grey, image, TSUYA_SAMPLE_F32));
-    row_job job = {&grey, mask, grid};
-    TSUYA_GOTO_DONE(status, detect_rows(&job, context));
+    job = (patch_job){.grey = &grey, .mask = mask, .grid = grid};
+    TSUYA_GOTO_DONE(status, find_windows(&job, context));
+    job.following = true;
+    TSUYA_GOTO_DONE(status, run_rows(&job, context));
     tsuya_patches_label(grid, options->weft_deg);
 done:
+    tsuya_free(job.finding);
     tsuya_image_free(&grey);
     if (status != TSUYA_OK) {
         tsuya_patches_free(grid);

@@ -80,7 +80,7 @@ void tsuya_refiner_free(tsuya_refiner *r)
     }
 }
 
-int tsuya_refine_points(tsuya_point *list, int most, const tsuya_spectrum *s, int step_index, const double f[2][2])
+int tsuya_refine_points(tsuya_lattice_point *list, int most, const tsuya_spectrum *s, int step_index, const double f[2][2])
 {
     const tsuya_step *step = &tsuya_steps[step_index];
     int count = 0, n = step->repeat;
@@ -111,7 +111,7 @@ int tsuya_refine_points(tsuya_point *list, int most, const tsuya_spectrum *s, in
                 place--;
             }
             if (place < most) {
-                list[place] = (tsuya_point){(float)a1, (float)a2, tsuya_spectrum_power(s, fx, fy)};
+                list[place] = (tsuya_lattice_point){(float)a1, (float)a2, tsuya_spectrum_power(s, fx, fy)};
                 worth[place] = value;
             }
         }
@@ -417,7 +417,7 @@ static void set_sigmas(tsuya_refined *out, double inverse[4][4])
     }
 }
 
-bool tsuya_refine_at(tsuya_refined *out, tsuya_refiner *r, const tsuya_spectrum *s, const double f[2][2], const tsuya_point *point, int count)
+bool tsuya_refine_at(tsuya_refined *out, tsuya_refiner *r, const tsuya_spectrum *s, const double f[2][2], const tsuya_lattice_point *point, int count)
 {
     tone list[TSUYA_TONES];
     double inverse[4][4], smear[2] = {0.0, 0.0}, energy = put_window(r, s);
@@ -456,7 +456,7 @@ bool tsuya_refine(tsuya_refined *out, tsuya_refiner *r, const tsuya_spectrum *s,
     *out = (tsuya_refined){.sigma_rad = {0.05, 0.05}};
     memcpy(out->f, b->f, sizeof out->f);
     for (int round = 0; round < rounds; round++) {
-        tsuya_point point[TSUYA_TONES];
+        tsuya_lattice_point point[TSUYA_TONES];
         double f[2][2];
         memcpy(f, out->f, sizeof f);
         int count = tsuya_refine_points(point, round + 1 < rounds ? TSUYA_TONES_FIRST : TSUYA_TONES, s, b->step, (const double(*)[2])f);

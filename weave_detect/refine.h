@@ -37,15 +37,15 @@ typedef struct tsuya_refined {
 } tsuya_refined;
 
 /* A point a1·f1 + a2·f2 of a lattice, and the amplitude² that a spectrum has there. */
-typedef struct tsuya_point {
+typedef struct tsuya_lattice_point {
     float a1, a2, power;
-} tsuya_point;
+} tsuya_lattice_point;
 
 /* The points that carry most information about the frequencies; at most `most`. */
-int tsuya_refine_points(tsuya_point *point, int most, const tsuya_spectrum *spectrum, int step, const double f[2][2]);
+int tsuya_refine_points(tsuya_lattice_point *point, int most, const tsuya_spectrum *spectrum, int step, const double f[2][2]);
 /* One round of Gauss–Newton on the given points from frequencies `f`; of the spectrum only `detrended` is used.  False where the fit
  * loses its points. */
-bool tsuya_refine_at(tsuya_refined *refined, tsuya_refiner *refiner, const tsuya_spectrum *spectrum, const double f[2][2], const tsuya_point *point,
+bool tsuya_refine_at(tsuya_refined *refined, tsuya_refiner *refiner, const tsuya_spectrum *spectrum, const double f[2][2], const tsuya_lattice_point *point,
                      int count);
 
 /* `rounds` of Gauss–Newton: 1 is enough; the last looks at all points, those before at the strongest.  0: the basis as it came.  False where
