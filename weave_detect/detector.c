@@ -9,6 +9,7 @@
 
 static const double SAME_RAD = 2.0 * M_PI / 180.0, RIGHT_RAD = 2.0 * M_PI / 180.0;
 static const float LONE_LEVEL = 3.5f, NOISE_LEVEL = 2.55f, NONE = 0.5f;
+enum { FOLLOW_ROUNDS = 2 };
 static const float LEAST_PROBABILITY = 0.003f;
 static const double SHARE_LEAST = 0.2; /* of the window's power that a patch must hold */
 static const double DOUBT = 0.5;       /* below, the patch is also looked at alone */
@@ -122,7 +123,7 @@ static bool is_one_tone(const tsuya_spectrum *s)
 
 static void set_threads(tsuya_threads *threads, const tsuya_refined *refined, double probability, int step, double margin)
 {
-    double worse = fmax(refined->sigma_rad[0], refined->sigma_rad[1]);
+    double worse = fmax(refined->sigma_rad[0], refined->sigma_rad[1]) * fmax(refined->scatter, 1.0); /* uneven threads stray more than noise says */
     threads->a = family_of(refined->f[0], refined->sigma_rad[0]);
     threads->b = family_of(refined->f[1], refined->sigma_rad[1]);
     threads->confidence = probability * erf(RIGHT_RAD / (sqrt(2.0) * fmax(worse, 1e-6)));
@@ -207,8 +208,16 @@ static bool follow(tsuya_detector *d, tsuya_threads *threads, const tsuya_findin
     for (int t = 0; t < a->point_count; t++) {
         want += (double)a->point[t].power;
     }
-    if (!tsuya_refine_at(&refined, d->refiner, d->spectrum, FREQUENCIES(a), a->point, a->point_count) || refined.power < SHARE_LEAST * want ||
-        !same_threads(FREQUENCIES(a), FREQUENCIES(&refined))) {
+    memcpy(refined.f, a->f, sizeof refined.f);
+    for (int round = 0; round < FOLLOW_ROUNDS; round++) {
+        double f[2][2];
+        memcpy(f, refined.f, sizeof f);
+        int count = round + 1 < FOLLOW_ROUNDS && a->point_count > TSUYA_TONES_FIRST ? TSUYA_TONES_FIRST : a->point_count; /* they are sorted */
+        if (!tsuya_refine_at(&refined, d->refiner, d->spectrum, (const double(*)[2])f, a->point, count)) {
+            return false;
+        }
+    }
+    if (refined.power < SHARE_LEAST * want || !same_threads(FREQUENCIES(a), FREQUENCIES(&refined))) {
         return false;
     }
     set_threads(threads, &refined, tsuya_finding_belief(finding), a->step, (double)a->margin);

@@ -1,8 +1,10 @@
 /* Error beside time: the detector, what one would do with OpenCV alone, and the Cramér–Rao bound.
  *
- *     bench_weave [DRAWS]
+ *     bench_weave [DRAWS]            error beside time, and the confidence
+ *     bench_weave --detail [DRAWS]   what goes wrong, by weave, period and contrast
  *
  * Cloth of tests/weave_detect/scene_weave.h at random.  "Tellable" patches: contrast ≥ 0.5, period ≥ 4 px, repeat within the patch. */
+#include "bench.h"
 #include "peers_opencv.h"
 #include "scene_other.h"
 #include "scene_weave.h"
@@ -16,9 +18,10 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <time.h>
 
-enum { N = 64, SEED = 77, DETECTOR = 0, METHODS = 7 };
+enum { N = 64, WIDE = 2 * N, WITH_WINDOW = -1, SEED = 77, DETECTOR = 0, METHODS = 7, PERIODS = 3, CONTRASTS = 3, OUTCOMES = 6 };
 
 /* Processor time of this thread: other work on the machine does not count. */
 static double cpu_s(void)
@@ -51,18 +54,51 @@ static double worse_deg(const double angle[2], const weave_cloth *c)
     return fmin(straight, swapped) * 180.0 / M_PI;
 }
 
-static double run_method(method *m, const float *values, const weave_cloth *cloth, tsuya_threads *threads)
+static tsuya_detector *wide_detector;
+
+/* As the patches of a photograph are looked at: with the window around them, which four patches share. */
+static void run_with_window(method *m, tsuya_threads *threads, const float *wide, const float *values)
+{
+    static tsuya_finding finding;
+    const tsuya_finding *around[1] = {&finding};
+    double begin = cpu_s();
+    tsuya_detector_find(wide_detector, &finding, wide);
+    m->seconds += 0.25 * (cpu_s() - begin);
+    begin = cpu_s();
+    tsuya_detector_follow(m->detector, threads, around, 1, values);
+    m->seconds += cpu_s() - begin;
+}
+
+static double run_method(method *m, const float *wide, const float *values, const weave_cloth *cloth, tsuya_threads *threads)
 {
     double angle[2] = {0.0, 0.0}, begin = cpu_s();
-    if (m->peer) {
+    if (m->rounds == WITH_WINDOW) {
+        run_with_window(m, threads, wide, values);
+    } else if (m->peer) {
         m->peer(angle, values, N);
     } else {
         tsuya_detector_run(m->detector, threads, values);
+    }
+    m->seconds += m->rounds == WITH_WINDOW ? 0.0 : cpu_s() - begin;
+    if (!m->peer) {
         angle[0] = threads->a.angle_rad;
         angle[1] = threads->b.angle_rad;
     }
-    m->seconds += cpu_s() - begin;
     return !m->peer && !(threads->a.seen && threads->b.seen) ? 90.0 : worse_deg(angle, cloth);
+}
+
+static void draw_both(float *wide, float *values, const weave_cloth *cloth, const weave_camera *camera)
+{
+    weave_draw(wide, WIDE, cloth, camera);
+    for (int y = 0; y < N; y++) {
+        memcpy(values + y * N, wide + (y + N / 2) * WIDE + N / 2, N * sizeof(float));
+    }
+}
+
+static bool is_tellable(const weave_cloth *cloth, const weave_camera *camera)
+{
+    return camera->contrast >= 0.5 && fmin(cloth->weft_px, cloth->warp_px) >= 4.0 &&
+           weave_draft_repeat(cloth->draft) * fmax(cloth->weft_px, cloth->warp_px) <= N;
 }
 
 typedef struct sums {
@@ -81,7 +117,7 @@ static void calibrate(sums *s, double confidence, bool right)
 /* Both families against the bound, on regular cloth without the fibres that no one could know; wrong peaks are counted elsewhere. */
 static void hold_against_bound(sums *s, method *m, uint64_t index)
 {
-    static float values[N * N];
+    static float values[N * N], wide[WIDE * WIDE];
     weave_cloth cloth;
     weave_camera camera;
     tsuya_threads t;
@@ -93,8 +129,8 @@ static void hold_against_bound(sums *s, method *m, uint64_t index)
         weave_draft_repeat(cloth.draft) * fmax(cloth.weft_px, cloth.warp_px) > N) {
         return;
     }
-    weave_draw(values, N, &cloth, &camera);
-    tsuya_detector_run(m->detector, &t, values);
+    draw_both(wide, values, &cloth, &camera);
+    run_method(m, wide, values, &cloth, &t);
     if (!t.a.seen || !t.b.seen || worse_deg((double[2]){t.a.angle_rad, t.b.angle_rad}, &cloth) > 1.0) {
         return;
     }
@@ -109,17 +145,16 @@ static void hold_against_bound(sums *s, method *m, uint64_t index)
 
 static void run_draws(sums *s, method *methods, int draws)
 {
-    static float values[N * N];
+    static float values[N * N], wide[WIDE * WIDE];
     for (int i = 0; i < draws; i++) {
         weave_cloth cloth;
         weave_camera camera;
         tsuya_threads t = {0};
         weave_random(&cloth, &camera, SEED, (uint64_t)i);
-        weave_draw(values, N, &cloth, &camera);
-        bool tellable = camera.contrast >= 0.5 && fmin(cloth.weft_px, cloth.warp_px) >= 4.0 &&
-                        weave_draft_repeat(cloth.draft) * fmax(cloth.weft_px, cloth.warp_px) <= N;
+        draw_both(wide, values, &cloth, &camera);
+        bool tellable = is_tellable(&cloth, &camera);
         for (int m = tellable ? METHODS - 1 : DETECTOR; m >= 0; m--) {
-            double e = run_method(&methods[m], values, &cloth, &t);
+            double e = run_method(&methods[m], wide, values, &cloth, &t);
             if (tellable) {
                 methods[m].error_deg[s->tellable] = e;
             }
@@ -156,6 +191,8 @@ static void print_table(const sums *s, method *methods)
         /* at 50 % overlap each pixel is looked at four times; two cores */
         printf("%-28s %10.3f %10.3f %12.3f %12.1f\n", methods[m].name, methods[m].error_deg[n / 2], methods[m].error_deg[(int)(0.9 * (n - 1))],
                (double)within / n, 1e9 * methods[m].seconds / runs / (32.0 * 32.0) / 2.0);
+        bench_point("drawn cloth", methods[m].name, methods[m].error_deg[n / 2], "deg median", 1e9 * methods[m].seconds / runs / (32.0 * 32.0) / 2.0, "ns per px");
+        bench_point("not within 1 degree", methods[m].name, 1.0 - (double)within / n, "share", 1e9 * methods[m].seconds / runs / (32.0 * 32.0) / 2.0, "ns per px");
     }
     printf("tellable patches %d of %d; time: processor time of a patch over the 32 x 32 px that it stands for, on two cores\n\n", n, s->draws);
 }
@@ -215,18 +252,84 @@ static int run_pictures(void)
     return 0;
 }
 
+/* What became of a patch: 0 right, 1 within 2 degrees but not 1, 2 no threads, 3 one family right, 4 a diagonal, 5 else. */
+static int outcome_of(const tsuya_threads *t, double error_deg, const weave_cloth *c)
+{
+    if (error_deg < 2.0) {
+        return error_deg < 1.0 ? 0 : 1;
+    }
+    if (!t->a.seen || !t->b.seen) {
+        return 2;
+    }
+    const double truth[2] = {c->weft_deg * M_PI / 180.0, c->warp_deg * M_PI / 180.0}, bound = 2.0 * M_PI / 180.0;
+    double a = fmin(tsuya_line_difference(t->a.angle_rad, truth[0]), tsuya_line_difference(t->a.angle_rad, truth[1]));
+    double b = fmin(tsuya_line_difference(t->b.angle_rad, truth[0]), tsuya_line_difference(t->b.angle_rad, truth[1]));
+    if (fmin(a, b) < bound) {
+        return 3;
+    }
+    return fmax(a, b) > 15.0 * M_PI / 180.0 ? 4 : 5;
+}
+
+static int run_detail(int draws)
+{
+    static const char *const period_name[] = {"4-5", "5-6.5", "6.5+"}, *const contrast_name[] = {"0.5-1", "1-2", "2-4"};
+    static int tally[WEAVE_DRAFT_COUNT][PERIODS][CONTRASTS][OUTCOMES], unsure[WEAVE_DRAFT_COUNT][PERIODS][CONTRASTS];
+    static float values[N * N], wide[WIDE * WIDE];
+    method m = {.rounds = WITH_WINDOW};
+    if (tsuya_detector_create(&m.detector, N, NULL) != TSUYA_OK) {
+        return 1;
+    }
+    for (int i = 0; i < draws; i++) {
+        weave_cloth c;
+        weave_camera camera;
+        tsuya_threads t;
+        weave_random(&c, &camera, SEED, (uint64_t)i);
+        if (is_tellable(&c, &camera)) {
+            draw_both(wide, values, &c, &camera);
+            double e = run_method(&m, wide, values, &c, &t), period = fmin(c.weft_px, c.warp_px);
+            int p = period < 5.0 ? 0 : period < 6.5 ? 1 : 2, k = camera.contrast < 1.0 ? 0 : camera.contrast < 2.0 ? 1 : 2;
+            tally[c.draft][p][k][outcome_of(&t, e, &c)]++;
+            unsure[c.draft][p][k] += t.confidence < 0.8;
+        }
+    }
+    tsuya_detector_free(m.detector);
+    printf("%-10s %-6s %-8s %8s %8s %8s %8s %8s %8s %8s %8s\n", "weave", "period", "contrast", "patches", "right", "1-2_deg", "none", "one_only", "diagonal",
+           "else", "unsure");
+    for (int cell = 0; cell < WEAVE_DRAFT_COUNT * PERIODS * CONTRASTS; cell++) {
+        int d = cell / (PERIODS * CONTRASTS), p = cell / CONTRASTS % PERIODS, k = cell % CONTRASTS, all = 0;
+        for (int o = 0; o < OUTCOMES; o++) {
+            all += tally[d][p][k][o];
+        }
+        printf("%-10s %-6s %-8s %8d", weave_draft_name((weave_draft)d), period_name[p], contrast_name[k], all);
+        for (int o = 0; o < OUTCOMES; o++) {
+            printf(" %8d", tally[d][p][k][o]);
+        }
+        printf(" %8d\n", unsure[d][p][k]);
+    }
+    return 0;
+}
+
 int main(int argc, char **argv)
 {
-    int draws = argc > 1 ? atoi(argv[1]) : 10000;
+    bool detail = argc > 1 && strcmp(argv[1], "--detail") == 0;
+    int draws = argc > 1 + detail ? atoi(argv[1 + detail]) : 10000;
+    if (tsuya_detector_create(&wide_detector, WIDE, NULL) != TSUYA_OK) {
+        return 1;
+    }
+    if (detail) {
+        int failed = run_detail(draws);
+        tsuya_detector_free(wide_detector);
+        return failed;
+    }
     method methods[METHODS] = {
-        {.name = "tsuya", .rounds = 2}, {.name = "tsuya, one round", .rounds = 1}, {.name = "tsuya, no refinement", .rounds = 0},
+        {.name = "tsuya", .rounds = WITH_WINDOW}, {.name = "tsuya without windows", .rounds = 1}, {.name = "tsuya without refinement", .rounds = 0},
         {.name = "plain FFT peaks", .peer = peer_fourier_peak}, {.name = "Sobel histogram", .peer = peer_sobel_histogram},
         {.name = "OpenCV structure tensor", .peer = peer_structure_tensor}, {.name = "Gaussian derivative tensor", .peer = peer_gaussian_derivative},
     };
     sums s = {.sure_error = tsuya_calloc((size_t)draws, sizeof(double))};
     for (int m = 0; m < METHODS; m++) {
         methods[m].error_deg = tsuya_calloc((size_t)draws, sizeof(double));
-        tsuya_detector_options options = {.rounds = methods[m].rounds};
+        tsuya_detector_options options = {.rounds = methods[m].rounds == WITH_WINDOW ? 1 : methods[m].rounds};
         if (!methods[m].error_deg || tsuya_detector_create(&methods[m].detector, N, &options) != TSUYA_OK) {
             return 1;
         }
@@ -244,5 +347,6 @@ int main(int argc, char **argv)
         tsuya_detector_free(methods[m].detector);
     }
     tsuya_free(s.sure_error);
+    tsuya_detector_free(wide_detector);
     return result;
 }

@@ -6,7 +6,7 @@
 
 #include <math.h>
 
-enum { N = 64, STEP_DEG = 5, MOST_DEG = 40, CENTRES = 9, MOST_IMAGES = 200, MOST_ERRORS = MOST_IMAGES * CENTRES * 17 };
+enum { N = 64, WIDE = 2 * N, STEP_DEG = 5, MOST_DEG = 40, CENTRES = 9, MOST_IMAGES = 200, MOST_ERRORS = MOST_IMAGES * CENTRES * 17 };
 
 typedef struct tally {
     int images, patches, sure, coarse, coarse_sure;
@@ -14,7 +14,7 @@ typedef struct tally {
     double *error_deg;
 } tally;
 
-static tsuya_detector *detector;
+static tsuya_detector *detector, *wide_detector;
 
 /* Keys' cubic, a = −½. */
 static void cubic(double w[4], double t)
@@ -40,11 +40,11 @@ static float sample(const tsuya_image *grey, double x, double y)
 }
 
 /* The patch about (cx, cy) of the image turned counter-clockwise. */
-static void turned(float *values, const tsuya_image *grey, double cx, double cy, double turn_rad)
+static void turned(float *values, int n, const tsuya_image *grey, double cx, double cy, double turn_rad)
 {
     double c = cos(turn_rad), s = sin(turn_rad);
-    for (int k = 0; k < N * N; k++) {
-        double x = k % N - 0.5 * (N - 1), y = (int)(k / N) - 0.5 * (N - 1);
+    for (int k = 0; k < n * n; k++) {
+        double x = k % n - 0.5 * (n - 1), y = (int)(k / n) - 0.5 * (n - 1);
         values[k] = sample(grey, cx + c * x - s * y, cy + s * x + c * y);
     }
 }
@@ -58,22 +58,43 @@ static double miss_deg(const tsuya_threads *still, const tsuya_threads *moved, d
     return fmin(straight, swapped) * 180.0 / M_PI;
 }
 
-static void look_at(tally *t, const tsuya_image *grey, double cx, double cy)
+/* The patches about nine points, in the window that turns with them about the image's middle. */
+static void look_at(tally *t, const tsuya_image *grey, double turn_rad, tsuya_threads *threads)
 {
-    static float values[N * N];
-    tsuya_threads still, moved;
-    turned(values, grey, cx, cy, 0.0);
-    tsuya_detector_run(detector, &still, values);
-    t->patches++;
-    t->sure += still.confidence >= 0.8;
-    bool coarse = still.a.seen && still.b.seen && still.a.period_px >= 4.0 && still.b.period_px >= 4.0;
-    t->coarse += coarse;
-    t->coarse_sure += coarse && still.confidence >= 0.8;
-    for (int turn = -MOST_DEG; still.confidence >= 0.8 && turn <= MOST_DEG; turn += STEP_DEG) {
-        turned(values, grey, cx, cy, turn * M_PI / 180.0);
-        tsuya_detector_run(detector, &moved, values);
-        if (turn != 0 && moved.confidence >= 0.8) {
-            t->error_deg[t->count++] = miss_deg(&still, &moved, turn * M_PI / 180.0);
+    static float values[N * N], wide[WIDE * WIDE];
+    static tsuya_finding finding;
+    const tsuya_finding *around[1] = {&finding};
+    double cx = 0.5 * (grey->width_px - 1), cy = 0.5 * (grey->height_px - 1);
+    turned(wide, WIDE, grey, cx, cy, turn_rad);
+    tsuya_detector_find(wide_detector, &finding, wide);
+    for (int k = 0; k < CENTRES; k++) {
+        turned(values, N, grey, cx + 20.0 * (k % 3 - 1), cy + 20.0 * (k / 3 - 1), turn_rad);
+        tsuya_detector_follow(detector, &threads[k], around, 1, values);
+    }
+    t->images += turn_rad == 0.0;
+}
+
+static void look_at_all_turns(tally *t, const tsuya_image *grey)
+{
+    tsuya_threads still[CENTRES], moved[CENTRES];
+    look_at(t, grey, 0.0, still);
+    for (int k = 0; k < CENTRES; k++) {
+        bool coarse = still[k].a.seen && still[k].b.seen && still[k].a.period_px >= 4.0 && still[k].b.period_px >= 4.0;
+        t->patches++;
+        t->sure += still[k].confidence >= 0.8;
+        t->coarse += coarse;
+        t->coarse_sure += coarse && still[k].confidence >= 0.8;
+    }
+    for (int turn = -MOST_DEG; turn <= MOST_DEG; turn += STEP_DEG) {
+        double turn_rad = turn * M_PI / 180.0;
+        if (turn == 0) {
+            continue;
+        }
+        look_at(t, grey, turn_rad, moved);
+        for (int k = 0; k < CENTRES; k++) {
+            if (still[k].confidence >= 0.8 && moved[k].confidence >= 0.8) {
+                t->error_deg[t->count++] = miss_deg(&still[k], &moved[k], turn_rad);
+            }
         }
     }
 }
@@ -102,10 +123,7 @@ static bool run_folder(tally *t, const char *folder, const char *prefix)
         snprintf(path, sizeof path, "%s/%s", folder, names[i]);
         assert_ok(tsuya_image_load(&image, path));
         assert_ok(tsuya_image_grey(&grey, &image, TSUYA_SAMPLE_F32));
-        for (int k = 0; k < CENTRES; k++) {
-            look_at(t, &grey, 0.5 * grey.width_px + 40.0 * (k % 3 - 1), 0.5 * grey.height_px + 40.0 * (k / 3 - 1));
-        }
-        t->images++;
+        look_at_all_turns(t, &grey);
         tsuya_image_free(&image);
         tsuya_image_free(&grey);
     }
@@ -154,10 +172,11 @@ static void test_wool(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_linen), cmocka_unit_test(test_cotton), cmocka_unit_test(test_wool)};
-    if (tsuya_detector_create(&detector, N, NULL) != TSUYA_OK) {
+    if (tsuya_detector_create(&detector, N, NULL) != TSUYA_OK || tsuya_detector_create(&wide_detector, WIDE, NULL) != TSUYA_OK) {
         return 1;
     }
     int result = cmocka_run_group_tests(tests, NULL, NULL);
     tsuya_detector_free(detector);
+    tsuya_detector_free(wide_detector);
     return result;
 }
