@@ -123,7 +123,8 @@ static bool is_one_tone(const tsuya_spectrum *s)
 
 static void set_threads(tsuya_threads *threads, const tsuya_refined *refined, double probability, int step, double margin)
 {
-    double worse = fmax(refined->sigma_rad[0], refined->sigma_rad[1]) * fmax(refined->scatter, 1.0); /* uneven threads stray more than noise says */
+    /* where threads are uneven the points stray by more than noise says, and neighbouring points stray together: hence the square */
+    double stray = fmax(refined->scatter, 1.0), worse = fmax(refined->sigma_rad[0], refined->sigma_rad[1]) * stray * stray;
     threads->a = family_of(refined->f[0], refined->sigma_rad[0]);
     threads->b = family_of(refined->f[1], refined->sigma_rad[1]);
     threads->confidence = probability * erf(RIGHT_RAD / (sqrt(2.0) * fmax(worse, 1e-6)));
