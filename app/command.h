@@ -60,6 +60,7 @@ extern const char *const tsuya_later_commands[]; /* refused by name; NULL-termin
 int tsuya_command_demo(int argc, char **argv);
 int tsuya_command_run(int argc, char **argv);
 int tsuya_command_capture_check(int argc, char **argv);
+int tsuya_command_capture_simulate(int argc, char **argv);
 int tsuya_command_capture_target(int argc, char **argv);
 int tsuya_command_calib_camera(int argc, char **argv);
 int tsuya_command_calib_compare(int argc, char **argv);

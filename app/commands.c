@@ -4,6 +4,7 @@ const tsuya_command tsuya_commands[] = {
     {"demo", "makes photographs of a cloth it knows, runs a job on them, compares with the truth", tsuya_command_demo},
     {"run", "runs the stages of a JOB.yaml that are not done yet, and writes the report", tsuya_command_run},
     {"capture check", "which photographs to take again, and why", tsuya_command_capture_check},
+    {"capture simulate", "drapes a cloth and photographs it in a virtual studio: a job with its truth", tsuya_command_capture_simulate},
     {"capture target", "a board of AprilTags to print, exact in millimetres, and its board.yaml", tsuya_command_capture_target},
     {"calib camera", "photographs of a board to a camera model with an error that can be believed", tsuya_command_calib_camera},
     {"calib compare", "projection difference of two camera models: has the camera drifted?", tsuya_command_calib_compare},
@@ -23,5 +24,5 @@ const tsuya_command tsuya_commands[] = {
 
 /* Commands of the interface that later versions bring. */
 const char *const tsuya_later_commands[] = {
-    "capture simulate", "calib light", "calib color", "brdf export", NULL,
+    "calib light", "calib color", "brdf export", NULL,
 };

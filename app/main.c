@@ -11,7 +11,7 @@ static void print_commands(FILE *stream)
     fprintf(stream, "Example:\n  tsuya demo\n\nUsage: tsuya COMMAND [OPTION...]\n\n"
                     "Digitises draped garments: photographs to a mesh that shines like the cloth.\n\nCommands:\n");
     for (const tsuya_command *c = tsuya_commands; c->name; c++) {
-        fprintf(stream, "  %-16s %s\n", c->name, c->summary);
+        fprintf(stream, "  %-17s %s\n", c->name, c->summary);
     }
     fprintf(stream, "\n'tsuya COMMAND --help' explains one; --version prints the version.\n"
                     "Data and summaries go to stdout, progress and messages to stderr.\n"
@@ -44,7 +44,7 @@ static bool list_group(const char *word)
     size_t length = strlen(word);
     for (const tsuya_command *c = tsuya_commands; c->name; c++) {
         if (strncmp(c->name, word, length) == 0 && c->name[length] == ' ') {
-            fprintf(stderr, "%s  %-16s %s\n", found ? "" : "Commands:\n", c->name, c->summary);
+            fprintf(stderr, "%s  %-17s %s\n", found ? "" : "Commands:\n", c->name, c->summary);
             found = true;
         }
     }

@@ -54,6 +54,9 @@ TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_drape_sheet_disc(tsuya_drape_sheet
  * along v (tsuya_free), and 2 × vertex_count material coordinates.  At a seam the weft is the pieces' mean. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_drape_sheet_mesh(tsuya_mesh *mesh, float **warp, float **uv, const tsuya_drape_sheet *sheet);
 
+/* Each triangle into four; the surface stays as it is, or is smoothed by Loop's rules. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_drape_sheet_subdivide(tsuya_drape_sheet *fine, const tsuya_drape_sheet *coarse, bool smooth);
+
 typedef enum tsuya_drape_shape {
     TSUYA_DRAPE_FLOOR, /* below z = a.z */
     TSUYA_DRAPE_BAR,   /* round, from a to b */

@@ -57,7 +57,7 @@ static void add_cylinder(sums *s, const tsuya_microcylinder_thread *p, tsuya_vec
     s->weight += share * reweight;
 }
 
-static sums thread_sums(const tsuya_microcylinder_thread *p, tsuya_vec3 along, tsuya_vec3 wi, tsuya_vec3 wo)
+static sums thread_sums(const tsuya_microcylinder_thread *p, double step_deg, tsuya_vec3 along, tsuya_vec3 wi, tsuya_vec3 wo)
 {
     sums s = {0};
     double total = 0.0;
@@ -66,7 +66,7 @@ static sums thread_sums(const tsuya_microcylinder_thread *p, tsuya_vec3 along, t
     }
     for (int k = 0; k + 1 < p->knot_count; ++k) {
         double from = tsuya_rad_from_deg(p->offset_deg[k]), to = tsuya_rad_from_deg(p->offset_deg[k + 1]);
-        int steps = from == to ? 1 : (int)ceil(fabs(p->offset_deg[k + 1] - p->offset_deg[k]) / 0.5); /* midpoints, half a degree */
+        int steps = from == to ? 1 : (int)ceil(fabs(p->offset_deg[k + 1] - p->offset_deg[k]) / (step_deg > 0.0 ? step_deg : 0.5));
         for (int i = 0; i < steps; ++i) {
             add_cylinder(&s, p, along, from + (to - from) * (i + 0.5) / steps, p->length[k] / (total * steps), wi, wo);
         }
@@ -91,7 +91,7 @@ void tsuya_microcylinder_eval(const tsuya_microcylinder *cloth, tsuya_vec3 wi, t
         return;
     }
     tsuya_vec3 i = not_grazing(wi), o = not_grazing(wo);
-    sums warp = thread_sums(&cloth->warp, (tsuya_vec3){0, 1, 0}, i, o), weft = thread_sums(&cloth->weft, (tsuya_vec3){1, 0, 0}, i, o);
+    sums warp = thread_sums(&cloth->warp, cloth->step_deg, (tsuya_vec3){0, 1, 0}, i, o), weft = thread_sums(&cloth->weft, cloth->step_deg, (tsuya_vec3){1, 0, 0}, i, o);
     double a = cloth->warp.area, b = cloth->weft.area;
     double q = a * warp.weight + b * weft.weight + fmax(1.0 - a - b, 0.0) * o.z;
     for (int j = 0; j < 3 && q > 0.0; ++j) {

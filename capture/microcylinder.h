@@ -20,6 +20,7 @@ typedef struct tsuya_microcylinder_thread {
 
 typedef struct tsuya_microcylinder {
     tsuya_microcylinder_thread warp, weft;
+    double step_deg; /* of the midpoints along the tangent curves; 0: half a degree */
 } tsuya_microcylinder;
 
 /* Reads one cloth ("linen_plain", …) of a table of published fits; fails when the file or the cloth is missing. */

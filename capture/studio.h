@@ -6,6 +6,8 @@
 #ifndef TSUYA_CAPTURE_STUDIO_H
 #define TSUYA_CAPTURE_STUDIO_H
 
+#include "capture/microcylinder.h"
+#include "capture/studio_prop.h"
 #include "core/camera.h"
 #include "core/context.h"
 #include "core/image.h"
@@ -43,7 +45,8 @@ typedef struct tsuya_studio_weave {
 TSUYA_API tsuya_studio_weave tsuya_studio_weave_default(void);
 
 typedef struct tsuya_studio_yarn {
-    float albedo[3];      /* linear Rec.709 */
+    float albedo[3];      /* linear Rec.709: dye times shade */
+    float dye[3], shade;  /* shade: by the yarn's own brightness and the hollows beside it */
     double across, along; /* slope of the yarn's surface: tangent of the normal's tilt across the yarn and along it */
     bool is_weft;
 } tsuya_studio_yarn;
@@ -52,27 +55,39 @@ TSUYA_API tsuya_studio_yarn tsuya_studio_weave_at(const tsuya_studio_weave *weav
 /* Mean albedo around a point, without threads. */
 TSUYA_API void tsuya_studio_dye_at(const tsuya_studio_weave *weave, double u_m, double v_m, float rgb[3]);
 
-/* The cloth with a floor under it and lamps, lit. */
+/* The cloth and the things around it, lit. */
 typedef struct tsuya_studio tsuya_studio;
 enum { TSUYA_STUDIO_LAMPS = 8 };
 typedef struct tsuya_studio_options {
-    int samples;                           /* rays for each lamp and for the rest at each vertex; 25 give about 5 % in the soft parts */
-    double stand_radius_m, stand_height_m; /* of the grey cylinder under the cloth; 0: none */
+    int samples;                       /* rays for each lamp and for the rest at each vertex; 25 give about 5 % in the soft parts */
+    const tsuya_studio_prop *prop;     /* borrowed */
+    int prop_count;
+    const tsuya_microcylinder *cloth;  /* how the cloth scatters (its volume part takes the dye's colour); NULL: yarns are matt */
 } tsuya_studio_options;
-/* Borrows cloth, weave and lights.  Direct light from every lamp and one reflection between surfaces are found at the
- * vertices.  Yarns, floor and stand scatter as matt (Lambert) surfaces.  Fails on more than TSUYA_STUDIO_LAMPS lamps beside
- * the environment. */
+/* Borrows cloth (NULL: none), weave, lights and what the options point to.  Shadows and one reflection between surfaces are found
+ * at the vertices.  Props and yarns without microcylinders scatter as matt (Lambert) surfaces.  Fails on more than
+ * TSUYA_STUDIO_LAMPS lamps beside the environment. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_studio_create(tsuya_studio **studio, const tsuya_studio_cloth *cloth,
                                                             const tsuya_studio_weave *weave, const tsuya_light_set *lights,
                                                             const tsuya_studio_options *options, const tsuya_context *context);
 TSUYA_API void tsuya_studio_free(tsuya_studio *studio);
-/* Radiance of a facing surface of albedo `albedo` where the cloth is lit best (95th percentile of the vertices). */
+/* Radiance of a facing matt surface of albedo `albedo` where the cloth (without one: everything) is lit best (95th percentile of
+ * the vertices). */
 TSUYA_API double tsuya_studio_white(const tsuya_studio *studio, double albedo);
+/* The macroscopic reflectance of cloth of one dye as the studio shades it: BRDF in sr⁻¹, frame x weft, y warp, z normal; reciprocal.
+ * Surface and volume scattering are each the geometric mean of both orders, so that the dye acts on the volume part linearly. */
+TSUYA_API void tsuya_studio_reflectance(const tsuya_microcylinder *cloth, const float dye[3], tsuya_vec3 wi, tsuya_vec3 wo, double rgb[3]);
 
-/* Linear radiance (float RGB) through a lens, and the share of each pixel that the cloth covers (0 … 255).  `spp` stratified
- * rays a pixel over the pixel's square. */
+typedef struct tsuya_studio_shot {
+    tsuya_camera camera;
+    tsuya_pose camera_from_world;
+    double aperture_m, focus_m;  /* radius of the entrance pupil (0: a pinhole), distance of the sharp plane along z */
+    double vignetting;           /* light lost in the image's corners; ∝ r⁴ about the middle */
+    int spp;                     /* stratified rays a pixel over the pixel's square; rounded down to a square number */
+    uint64_t stream;
+} tsuya_studio_shot;
+/* Linear radiance (float RGB) through a lens, and the share of each pixel that the cloth covers (0 … 255). */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_studio_shoot(tsuya_image *radiance, tsuya_image *coverage, const tsuya_studio *studio,
-                                                           const tsuya_camera *camera, tsuya_pose camera_from_world, int spp,
-                                                           uint64_t stream, const tsuya_context *context);
+                                                           const tsuya_studio_shot *shot, const tsuya_context *context);
 
 #endif

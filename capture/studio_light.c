@@ -8,8 +8,8 @@
 #include "render/frame.h"
 
 #include <math.h>
+#include <string.h>
 
-static const float FLOOR_ALBEDO = 0.32f;
 static const float OFFSET_M = 5e-5f; /* where rays leave a surface; far below the mesh's spacing */
 enum { STREAM_LAMP = 1000, STREAM_AMBIENT = 2000 };
 
@@ -21,21 +21,41 @@ tsuya_vec3 tsuya_studio_interpolate(const float *vectors, const uint32_t *t, con
     return tsuya_vec3_mad(tsuya_vec3_mad(sum, w[1], at(vectors, t[1])), w[2], at(vectors, t[2]));
 }
 
+static void prop_albedo(const tsuya_studio *s, const tsuya_ray_hit *hit, const double w[3], float rgb[3])
+{
+    const uint32_t *t = s->mesh.triangle + 3 * (size_t)hit->triangle;
+    size_t end = s->cloth_triangles;
+    for (int k = 0; k < s->prop_count; k++) {
+        const tsuya_studio_prop *prop = &s->prop[k];
+        end += prop->mesh.triangle_count;
+        if (hit->triangle < end) {
+            memcpy(rgb, prop->albedo, sizeof prop->albedo);
+            if (prop->print) {
+                tsuya_studio_print_at(prop->print, tsuya_studio_interpolate(s->mesh.position, t, w), rgb);
+            }
+            return;
+        }
+    }
+}
+
 void tsuya_studio_albedo(const tsuya_studio *s, const tsuya_ray_hit *hit, float rgb[3])
 {
-    if (hit->triangle >= s->cloth_triangles) {
-        rgb[0] = rgb[1] = rgb[2] = FLOOR_ALBEDO;
-        return;
-    }
     const uint32_t *t = s->mesh.triangle + 3 * (size_t)hit->triangle;
-    const float *uv = s->cloth->uv;
     double w[3], u = 0.0, v = 0.0;
     tsuya_studio_weights(hit, w);
+    if (hit->triangle >= s->cloth_triangles) {
+        prop_albedo(s, hit, w, rgb);
+        return;
+    }
+    const float *uv = s->cloth->uv;
     for (int k = 0; k < 3; k++) {
         u += w[k] * (double)uv[2 * t[k]];
         v += w[k] * (double)uv[2 * t[k] + 1];
     }
     tsuya_studio_dye_at(s->weave, u, v, rgb);
+    for (int c = 0; c < 3 && s->gloss; c++) {
+        rgb[c] = (float)(s->reflected[0] + s->reflected[1] * (double)rgb[c]);
+    }
 }
 
 static tsuya_ray ray_from(tsuya_vec3 p, tsuya_vec3 n, tsuya_vec3 direction, double far)
@@ -53,7 +73,7 @@ static void light_from_lamp(tsuya_studio *s, const place *at_place, int lamp, in
 {
     const tsuya_light *light = &s->lights->light[s->lamp[lamp]];
     tsuya_vec3 sum = {0, 0, 0};
-    int side = (int)ceil(sqrt(samples)), drawn = 0;
+    int side = (int)ceil(sqrt(samples)), drawn = 0, above = 0, seen = 0;
     for (int k = 0; k < side * side; k++) {
         uint64_t counter = (uint64_t)(at_place->slot * (size_t)(side * side) + (size_t)k);
         double u[2] = {(k % side + tsuya_random_uniform(seed, (uint64_t)(STREAM_LAMP + lamp), 2 * counter)) / side,
@@ -64,7 +84,9 @@ static void light_from_lamp(tsuya_studio *s, const place *at_place, int lamp, in
         if (arrives) {
             tsuya_ray ray = ray_from(at_place->p, at_place->n, sample.wi, isfinite(sample.distance_m) ? 0.999 * sample.distance_m : INFINITY);
             double strength = (0.2126 * sample.rgb[0] + 0.7152 * sample.rgb[1] + 0.0722 * sample.rgb[2]) / (light->luminance * sample.pdf);
+            above++;
             if (!tsuya_ray_scene_occluded(s->rays, &ray)) {
+                seen++;
                 sum = tsuya_vec3_mad(sum, strength, sample.wi);
             }
         }
@@ -74,6 +96,7 @@ static void light_from_lamp(tsuya_studio *s, const place *at_place, int lamp, in
     }
     sum = tsuya_vec3_scale(sum, 1.0 / drawn);
     s->arriving[at_place->slot * (size_t)s->lamp_count + (size_t)lamp] = (tsuya_vec3f){(float)sum.x, (float)sum.y, (float)sum.z};
+    s->visible[at_place->slot * (size_t)s->lamp_count + (size_t)lamp] = above > 0 ? (float)seen / (float)above : 0.0f;
     double irradiance = fmax(0.0, tsuya_vec3_dot(sum, at_place->n));
     for (int c = 0; c < 3; c++) {
         s->direct[3 * at_place->slot + (size_t)c] += (float)(irradiance * light->rgb[c]);

@@ -11,22 +11,38 @@ struct tsuya_studio {
     const tsuya_studio_cloth *cloth; /* borrowed, as are weave and lights */
     const tsuya_studio_weave *weave;
     const tsuya_light_set *lights;
-    tsuya_mesh mesh;         /* the cloth's vertices first, then the floor's */
+    const tsuya_studio_prop *prop;
+    int prop_count;
+    const tsuya_microcylinder *gloss; /* NULL: matt yarns */
+    double weave_shade;      /* of the yarns' mean: shade times cosine to the cloth's normal */
+    double reflected[2];     /* of microcylinders: what surface and volume (of white dye) send back of even light */
+    tsuya_mesh mesh;         /* the cloth's vertices first, then the props' */
     size_t cloth_vertices, cloth_triangles;
-    double stand_radius_m, stand_height_m;
     tsuya_ray_scene *rays;
     int lamp_count;          /* lamps that are no environment */
     int lamp[TSUYA_STUDIO_LAMPS];
     /* By side and vertex: for every lamp the direction-weighted sum of what arrives, so that the irradiance of a surface
      * turned to n is max(0, n·v) times the lamp's rgb; and the irradiance from the rest. */
     tsuya_vec3f *arriving;   /* (side · vertices + vertex) · lamp_count + lamp */
+    float *visible;          /* like arriving: share of the lamp that is not covered */
     float *ambient, *direct; /* 3 each; direct: of all lamps, on the vertex' own normal */
 };
 
 /* Fills arriving, direct, ambient. */
 TSUYA_MUST_CHECK tsuya_status tsuya_studio_light(tsuya_studio *studio, int samples, const tsuya_context *context);
 
-/* What the cloth's dye or the floor reflects at a triangle's point, linear. */
+/* Linear light that a camera ray finds where it meets something; `cache` serves the rays of one pixel (zero it first). */
+typedef struct studio_cache {
+    bool filled;
+    tsuya_vec3 n, wi[TSUYA_STUDIO_LAMPS];
+    double surface[TSUYA_STUDIO_LAMPS][3], volume[TSUYA_STUDIO_LAMPS][3]; /* radiance under the whole lamp, of white dye */
+} studio_cache;
+void tsuya_studio_shade(const tsuya_studio *studio, const tsuya_ray_hit *hit, tsuya_vec3 p, tsuya_vec3 direction, studio_cache *cache,
+                        uint64_t seed, uint64_t counter, double rgb[3]);
+/* weave_shade and reflected. */
+void tsuya_studio_measure_gloss(tsuya_studio *studio);
+
+/* What the cloth's dye or a prop reflects at a triangle's point, linear. */
 void tsuya_studio_albedo(const tsuya_studio *studio, const tsuya_ray_hit *hit, float rgb[3]);
 static inline void tsuya_studio_weights(const tsuya_ray_hit *hit, double weight[3])
 {

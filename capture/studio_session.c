@@ -6,7 +6,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { FORMAT = 1, STREAM_POSES = 50, STREAM_SHOTS = 100, STREAM_NOISE = 10000, VIEWS_MOST = 999 };
+enum { FORMAT = 2, STREAM_POSES = 50, STREAM_SHOTS = 100, STREAM_NOISE = 10000, VIEWS_MOST = 999 };
 
 static const char LIGHTS[] =
     "{\"lights\": [\n"
@@ -122,8 +122,8 @@ static tsuya_status take(const photographer *p, tsuya_pose pose, int number)
     tsuya_studio_exif exif = exif_of(p->session);
     tsuya_status status = photo_path && mask_path ? TSUYA_OK : TSUYA_ERROR_MEMORY;
     TSUYA_GOTO_DONE(status, status);
-    TSUYA_GOTO_DONE(status, tsuya_studio_shoot(&radiance, &coverage, p->studio, &p->camera, pose, p->session->spp,
-                                               (uint64_t)(STREAM_SHOTS + number), p->context));
+    tsuya_studio_shot shot = {.camera = p->camera, .camera_from_world = pose, .spp = p->session->spp, .stream = (uint64_t)(STREAM_SHOTS + number)};
+    TSUYA_GOTO_DONE(status, tsuya_studio_shoot(&radiance, &coverage, p->studio, &shot, p->context));
     TSUYA_GOTO_DONE(status, tsuya_studio_develop(&photograph, &radiance, &p->sensor, (uint64_t)(STREAM_NOISE + number), p->context));
     TSUYA_GOTO_DONE(status, mask_of(&mask, &coverage));
     TSUYA_GOTO_DONE(status, tsuya_studio_save_jpeg(&photograph, photo_path, p->session->jpeg_quality, &exif));
@@ -200,6 +200,18 @@ static tsuya_status colour_vertices(tsuya_studio_cloth *cloth, const tsuya_studi
     return TSUYA_OK;
 }
 
+/* A little inside the cloth. */
+static tsuya_status stand_of(tsuya_studio_prop *prop, const tsuya_studio_drape *d)
+{
+    enum { ROWS = 24 };
+    double profile[ROWS + 1][2];
+    for (int row = 0; row <= ROWS; row++) {
+        profile[row][0] = (d->stand_height_m - 0.001) * row / ROWS;
+        profile[row][1] = d->stand_radius_m - 0.001;
+    }
+    return tsuya_studio_prop_revolve(prop, (tsuya_vec3){0, 0, 0}, (tsuya_vec3){0, 0, 1}, profile, ROWS + 1);
+}
+
 static tsuya_status draw(const tsuya_studio_session *s, const char *folder, tsuya_arena *arena, const tsuya_context *context)
 {
     photographer p = {.session = s, .context = context, .sensor = s->sensor, .camera = tsuya_studio_session_camera(s), .folder = folder,
@@ -209,8 +221,11 @@ static tsuya_status draw(const tsuya_studio_session *s, const char *folder, tsuy
     tsuya_studio *studio = NULL;
     tsuya_pose *pose;
     int count;
-    tsuya_studio_options options = {s->light_samples, s->drape.stand_radius_m - 0.001, s->drape.stand_height_m - 0.001};
+    tsuya_studio_prop prop[2] = {0};
+    tsuya_studio_options options = {.samples = s->light_samples, .prop = prop, .prop_count = 2};
     tsuya_status status;
+    TSUYA_GOTO_DONE(status, tsuya_studio_prop_floor(&prop[0], (tsuya_vec3){0, 0, 0}));
+    TSUYA_GOTO_DONE(status, stand_of(&prop[1], &s->drape));
     TSUYA_GOTO_DONE(status, tsuya_studio_session_poses(&pose, &count, s, context->seed, arena));
     TSUYA_GOTO_DONE(status, tsuya_light_set_parse(&lights, LIGHTS, "lights.json", folder));
     TSUYA_GOTO_DONE(status, tsuya_studio_drape_create(&cloth, &s->drape));
@@ -222,6 +237,8 @@ static tsuya_status draw(const tsuya_studio_session *s, const char *folder, tsuy
     TSUYA_GOTO_DONE(status, write_truth(&p, &cloth, pose, count));
 done:
     tsuya_studio_free(studio);
+    tsuya_studio_prop_free(&prop[0]);
+    tsuya_studio_prop_free(&prop[1]);
     tsuya_light_set_free(&lights);
     tsuya_studio_cloth_free(&cloth);
     return status;

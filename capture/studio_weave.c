@@ -97,8 +97,9 @@ static void tint(const tsuya_studio_weave *w, tsuya_studio_yarn *yarn, long long
     uint64_t stream = yarn->is_weft ? 21 : 31;
     double own = 3.46 * (hash(w, stream, number, 0) - 0.5), slub = 3.46 * (line_noise(w, stream + 1, number, along_m / 0.004) - 0.5);
     double factor = fmax(1.0 + w->unevenness * (0.7 * own + 0.9 * slub), 0.1) * gap * (yarn->is_weft ? 1.0 : 0.75);
+    yarn->shade = (float)factor;
     for (int k = 0; k < 3; k++) {
-        yarn->albedo[k] = fminf((float)(yarn->albedo[k] * factor), 0.9f);
+        yarn->albedo[k] = fminf((float)(yarn->dye[k] * factor), 0.9f);
     }
 }
 
@@ -111,7 +112,7 @@ tsuya_studio_yarn tsuya_studio_weave_at(const tsuya_studio_weave *w, double u, d
     double x = u / w->warp_pitch_m, y = v / w->weft_pitch_m, i = floor(x), j = floor(y);
     double fx = x - i - 0.5, fy = y - j - 0.5; /* from the yarns' axes, in [−½, ½] */
     int phase = (int)((((long long)i + 2 * (long long)j) % 5 + 5) % 5);
-    tsuya_studio_dye_at(w, u, v, yarn.albedo);
+    tsuya_studio_dye_at(w, u, v, yarn.dye);
     yarn.is_weft = phase != 0;
     if (yarn.is_weft) {
         double along = ((double)(phase - 1) + fx + 0.5) / 4.0 - 0.5; /* of the float, in [−½, ½] */

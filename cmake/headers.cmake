@@ -11,7 +11,10 @@ set(TSUYA_PUBLIC_HEADERS
   brdf/weave_draft.h
   capture/check.h
   capture/drape.h
+  capture/microcylinder.h
+  capture/simulate.h
   capture/studio.h
+  capture/studio_prop.h
   capture/target.h
   capture/studio_goniometer.h
   capture/studio_sensor.h

@@ -59,14 +59,14 @@ typedef struct small_studio {
     tsuya_studio_weave weave;
     tsuya_light_set lights;
     tsuya_studio *studio;
-    tsuya_camera camera;
-    tsuya_pose pose;
+    tsuya_studio_prop floor;
+    tsuya_studio_shot shot;
 } small_studio;
 
 static void open_studio(small_studio *s, int threads)
 {
     tsuya_studio_drape drape = small_drape();
-    tsuya_studio_options options = {9, 0.0, 0.0};
+    tsuya_studio_options options = {.samples = 9, .prop = &s->floor, .prop_count = 1};
     tsuya_context context = tsuya_context_default();
     context.threads = threads;
     *s = (small_studio){.weave = tsuya_studio_weave_default()};
@@ -75,15 +75,17 @@ static void open_studio(small_studio *s, int threads)
                                     "{\"lights\": [{\"type\": \"point\", \"position_m\": [0.3, 0.1, 0.8], \"rgb\": [1, 1, 1]},"
                                     "{\"type\": \"environment\", \"rgb\": [0.3, 0.3, 0.3]}]}",
                                     "lights", "."));
+    assert_ok(tsuya_studio_prop_floor(&s->floor, (tsuya_vec3){0, 0, 0}));
     assert_ok(tsuya_studio_create(&s->studio, &s->cloth, &s->weave, &s->lights, &options, &context));
-    s->camera = (tsuya_camera){.lens = TSUYA_LENS_PINHOLE, .width_px = 240, .height_px = 180, .fx_px = 300, .fy_px = 300, .cx_px = 119.5, .cy_px = 89.5};
-    s->pose = tsuya_pose_look_at((tsuya_vec3){0.4, 0.1, 0.3}, (tsuya_vec3){0, 0, 0.07}, (tsuya_vec3){0, 0, 1});
+    s->shot.camera = (tsuya_camera){.lens = TSUYA_LENS_PINHOLE, .width_px = 240, .height_px = 180, .fx_px = 300, .fy_px = 300, .cx_px = 119.5, .cy_px = 89.5};
+    s->shot.camera_from_world = tsuya_pose_look_at((tsuya_vec3){0.4, 0.1, 0.3}, (tsuya_vec3){0, 0, 0.07}, (tsuya_vec3){0, 0, 1});
 }
 
 static void close_studio(small_studio *s)
 {
     tsuya_studio_free(s->studio);
     tsuya_studio_cloth_free(&s->cloth);
+    tsuya_studio_prop_free(&s->floor);
     tsuya_light_set_free(&s->lights);
 }
 
@@ -95,13 +97,14 @@ static void photographs_cover_what_a_rasteriser_covers(void **state)
     tsuya_image radiance, coverage;
     tsuya_raster raster;
     open_studio(&s, 2);
-    assert_ok(tsuya_studio_shoot(&radiance, &coverage, s.studio, &s.camera, s.pose, 16, 1, &context));
-    assert_ok(tsuya_raster_create(&raster, s.camera.width_px, s.camera.height_px));
-    assert_ok(tsuya_raster_draw(&raster, &s.cloth.mesh, &s.camera, s.pose, &context));
+    s.shot.spp = 16;
+    assert_ok(tsuya_studio_shoot(&radiance, &coverage, s.studio, &s.shot, &context));
+    assert_ok(tsuya_raster_create(&raster, s.shot.camera.width_px, s.shot.camera.height_px));
+    assert_ok(tsuya_raster_draw(&raster, &s.cloth.mesh, &s.shot.camera, s.shot.camera_from_world, &context));
     int both = 0, either = 0;
-    for (int y = 0; y < s.camera.height_px; y++) {
-        for (int x = 0; x < s.camera.width_px; x++) {
-            bool a = *tsuya_image_u8(&coverage, x, y) > 127, b = raster.depth[y * s.camera.width_px + x] > 0.0f;
+    for (int y = 0; y < s.shot.camera.height_px; y++) {
+        for (int x = 0; x < s.shot.camera.width_px; x++) {
+            bool a = *tsuya_image_u8(&coverage, x, y) > 127, b = raster.depth[y * s.shot.camera.width_px + x] > 0.0f;
             both += a && b;
             either += a || b;
         }
@@ -138,7 +141,8 @@ static void threads_do_not_matter(void **state)
         tsuya_context context = tsuya_context_default();
         context.threads = k ? 4 : 1;
         open_studio(&s, context.threads);
-        assert_ok(tsuya_studio_shoot(&radiance[k], &coverage[k], s.studio, &s.camera, s.pose, 4, 1, &context));
+        s.shot.spp = 4;
+        assert_ok(tsuya_studio_shoot(&radiance[k], &coverage[k], s.studio, &s.shot, &context));
         close_studio(&s);
     }
     for (int y = 0; y < radiance[0].height_px; y++) {

@@ -1,0 +1,359 @@
+/* The simulated job put together and written. */
+#include "capture/simulate_parts.h"
+
+#include "capture/studio_goniometer.h"
+#include "capture/studio_sensor.h"
+#include "core/file.h"
+#include "core/json.h"
+#include "core/memory.h"
+
+#include <math.h>
+#include <string.h>
+
+static const double WHITE = 1.15; /* albedo that fills the well at 0 EV */
+static const float GONIOMETER_DYE[3] = {0.36f, 0.30f, 0.25f};
+
+typedef struct simulation {
+    const tsuya_simulate_scene *scene;
+    const tsuya_context *context;
+    const char *folder;
+    tsuya_camera camera;
+    tsuya_studio_sensor sensor;
+    tsuya_studio_exif exif;
+} simulation;
+
+static const char *path_in(const simulation *s, const char *name) { return tsuya_arena_printf(s->scene->arena, "%s/%s", s->folder, name); }
+
+static tsuya_status write_text(const simulation *s, const char *name, const char *text)
+{
+    const char *path = path_in(s, name);
+    return path && text ? tsuya_file_write(path, text, strlen(text)) : TSUYA_ERROR_MEMORY;
+}
+
+static const char *photo_name(const simulation *s, const char *kind, int number)
+{
+    return tsuya_arena_printf(s->scene->arena, "%s-%03d.%s", kind, number + 1, s->scene->camera.format);
+}
+
+static void set_camera(simulation *s)
+{
+    const tsuya_scene_camera *c = &s->scene->camera;
+    double equivalent = s->camera.fx_px * 43.2666 / hypot(s->camera.width_px, s->camera.height_px);
+    s->sensor = (tsuya_studio_sensor){.full_radiance = 1.0, .full_well_e = c->full_well_e, .read_noise_e = c->read_noise_e, .bayer = c->bayer,
+                                      .deep = strcmp(c->format, "tif") == 0};
+    s->exif = (tsuya_studio_exif){.make = "tsuya", .model = "virtual studio", .taken = "2026:01:01 12:00:00",
+                                  .focal_mm = round(equivalent) * c->sensor_mm / 36.0, .focal_35mm = (int)lround(equivalent), .exposure_s = 1.0 / 60.0,
+                                  .f_number = c->f_number > 0.0 ? c->f_number : 22.0, .iso = 200};
+}
+
+static tsuya_studio_shot shot_of(const simulation *s, tsuya_pose pose, double focus_m, uint64_t stream)
+{
+    const tsuya_scene_camera *c = &s->scene->camera;
+    double focal_m = 1e-3 * s->camera.fx_px * c->sensor_mm / s->camera.width_px;
+    return (tsuya_studio_shot){.camera = s->camera, .camera_from_world = pose, .aperture_m = c->f_number > 0.0 ? 0.5 * focal_m / c->f_number : 0.0,
+                               .focus_m = focus_m, .vignetting = c->vignetting, .spp = c->spp, .stream = SIMULATE_SHOTS + stream};
+}
+
+static tsuya_status save_mask(const tsuya_image *coverage, const char *path)
+{
+    tsuya_image mask;
+    TSUYA_TRY(tsuya_image_copy(&mask, coverage));
+    for (int y = 0; y < mask.height_px; y++) {
+        for (int x = 0; x < mask.width_px; x++) {
+            *tsuya_image_u8(&mask, x, y) = *tsuya_image_u8(coverage, x, y) > 127 ? 255 : 0;
+        }
+    }
+    tsuya_status status = tsuya_image_save(&mask, path, NULL);
+    tsuya_image_free(&mask);
+    return status;
+}
+
+/* One photograph; mask: NULL for none. */
+static tsuya_status take(const simulation *s, const tsuya_studio *studio, const tsuya_studio_shot *shot, const char *photo, const char *mask, uint64_t stream)
+{
+    tsuya_image radiance = {0}, coverage = {0}, photograph = {0};
+    const char *photo_path = photo ? path_in(s, photo) : NULL, *mask_path = mask ? path_in(s, mask) : NULL;
+    tsuya_status status = photo_path ? TSUYA_OK : TSUYA_ERROR_MEMORY;
+    TSUYA_GOTO_DONE(status, status);
+    TSUYA_GOTO_DONE(status, tsuya_studio_shoot(&radiance, &coverage, studio, shot, s->context));
+    TSUYA_GOTO_DONE(status, tsuya_studio_develop(&photograph, &radiance, &s->sensor, SIMULATE_NOISE + stream, s->context));
+    if (s->sensor.deep) {
+        TSUYA_GOTO_DONE(status, tsuya_image_save(&photograph, photo_path, NULL));
+    } else {
+        TSUYA_GOTO_DONE(status, tsuya_studio_save_jpeg(&photograph, photo_path, s->scene->camera.jpeg_quality, &s->exif));
+    }
+    status = mask_path ? save_mask(&coverage, mask_path) : TSUYA_OK;
+done:
+    tsuya_image_free(&radiance);
+    tsuya_image_free(&coverage);
+    tsuya_image_free(&photograph);
+    return status;
+}
+
+static tsuya_status photograph_cloth(simulation *s, const tsuya_studio *studio, const simulate_view *view, int count)
+{
+    s->sensor.full_radiance = tsuya_studio_white(studio, WHITE) / exp2(s->scene->camera.exposure_ev);
+    for (int i = 0; i < count; i++) {
+        const char *name = photo_name(s, view[i].close_up ? "close" : "shot", i);
+        tsuya_studio_shot shot = shot_of(s, view[i].camera_from_world, view[i].focus_m, (uint64_t)i);
+        tsuya_progress_update(s->context, "photographs", i, count, NULL);
+        if (!name) {
+            return TSUYA_ERROR_MEMORY;
+        }
+        const char *photo = tsuya_arena_printf(s->scene->arena, "photos/%s", name);
+        const char *mask = tsuya_arena_printf(s->scene->arena, "masks/%.*s.png", (int)(strlen(name) - 4), name);
+        TSUYA_TRY(take(s, studio, &shot, photo, mask, (uint64_t)i));
+    }
+    return TSUYA_OK;
+}
+
+/* The board alone, under a lamp that stands with the camera. */
+static tsuya_status photograph_board(simulation *s, int i)
+{
+    const tsuya_scene_tags *b = &s->scene->board;
+    tsuya_studio_grid grid = {b->family, b->border_bits, b->cols, b->rows, b->first_id, b->tag_mm, b->gap_mm};
+    tsuya_studio_prop prop = {0};
+    tsuya_light_set lights = {0};
+    tsuya_studio *studio = NULL;
+    double distance;
+    tsuya_pose pose = tsuya_simulate_board_pose(&distance, s->scene, &s->camera, i, s->context->seed);
+    tsuya_studio_options options = {.samples = 16, .prop = &prop, .prop_count = 1};
+    tsuya_light lamp = {.kind = TSUYA_LIGHT_RECT, .position_m = {-distance, -distance, -0.5 * distance}, .direction = {1, 1, 1.5}, .up = {0, -1, 0},
+                        .size_m = {distance, distance}, .rgb = {6, 6, 6}};
+    tsuya_light room = {.kind = TSUYA_LIGHT_ENVIRONMENT, .rgb = {0.4, 0.4, 0.4}};
+    const char *name = photo_name(s, "board", i);
+    uint64_t stream = 2000 + (uint64_t)i;
+    tsuya_status status = name ? TSUYA_OK : TSUYA_ERROR_MEMORY;
+    TSUYA_GOTO_DONE(status, status);
+    TSUYA_GOTO_DONE(status, tsuya_studio_prop_tags(&prop, pose, &grid));
+    TSUYA_GOTO_DONE(status, tsuya_light_set_add(&lights, &lamp, "board"));
+    TSUYA_GOTO_DONE(status, tsuya_light_set_add(&lights, &room, "board"));
+    TSUYA_GOTO_DONE(status, tsuya_studio_create(&studio, NULL, NULL, &lights, &options, s->context));
+    s->sensor.full_radiance = tsuya_studio_white(studio, 0.95);
+    tsuya_studio_shot shot = shot_of(s, tsuya_pose_identity(), distance, stream);
+    status = take(s, studio, &shot, tsuya_arena_printf(s->scene->arena, "board/%s", name), NULL, stream);
+done:
+    tsuya_studio_free(studio);
+    tsuya_light_set_free(&lights);
+    tsuya_studio_prop_free(&prop);
+    return status;
+}
+
+static tsuya_status write_grid(const simulation *s, const char *name, const tsuya_scene_tags *t)
+{
+    return write_text(s, name, tsuya_arena_printf(s->scene->arena, "{family: %s, border_bits: %d, cols: %d, rows: %d, tag_mm: %.10g, gap_mm: %.10g, "
+                                                  "first_id: %d}\n", t->family, t->border_bits, t->cols, t->rows, t->tag_mm, t->gap_mm, t->first_id));
+}
+
+static void reflect(const void *user, tsuya_vec3 wi, tsuya_vec3 wo, double rgb[3])
+{
+    const tsuya_microcylinder *cloth = user;
+    if (cloth) {
+        tsuya_studio_reflectance(cloth, GONIOMETER_DYE, wi, wo, rgb);
+        return;
+    }
+    for (int c = 0; c < 3; c++) {
+        rgb[c] = (double)GONIOMETER_DYE[c] / M_PI;
+    }
+}
+
+static tsuya_status write_goniometer(const simulation *s, const tsuya_microcylinder *cloth)
+{
+    tsuya_goniometer bench = tsuya_goniometer_default();
+    const char *path = path_in(s, "goniometer.csv");
+    bench.azimuth_step_deg = s->scene->goniometer.azimuth_step_deg;
+    bench.tilt_step_deg = s->scene->goniometer.tilt_step_deg;
+    bench.gain_noise = s->scene->goniometer.noise;
+    return path ? tsuya_goniometer_write(path, &bench, reflect, cloth, s->context) : TSUYA_ERROR_MEMORY;
+}
+
+/* Directions over both hemispheres, without noise. */
+static tsuya_status write_reflectance(const simulation *s, const tsuya_microcylinder *cloth)
+{
+    enum { DIRECTIONS = 2000 };
+    tsuya_file_writer w;
+    const char *path = path_in(s, "truth/reflectance.csv");
+    if (!path) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    TSUYA_TRY(tsuya_file_begin(&w, path));
+    fprintf(w.stream, "# quantity=brdf\ntheta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,r,g,b\n");
+    for (uint64_t i = 0; i < DIRECTIONS; i++) {
+        double u[4], rgb[3];
+        for (uint64_t k = 0; k < 4; k++) {
+            u[k] = tsuya_random_uniform(77, 1, 4 * i + k);
+        }
+        double ti = round(100.0 * tsuya_deg_from_rad(asin(0.98 * sqrt(u[0])))) / 100.0, to = round(100.0 * tsuya_deg_from_rad(asin(0.98 * sqrt(u[1])))) / 100.0;
+        double pi = round(36000.0 * u[2]) / 100.0, po = round(36000.0 * u[3]) / 100.0, a = tsuya_rad_from_deg(ti), b = tsuya_rad_from_deg(to);
+        tsuya_vec3 wi = {sin(a) * cos(tsuya_rad_from_deg(pi)), sin(a) * sin(tsuya_rad_from_deg(pi)), cos(a)};
+        tsuya_vec3 wo = {sin(b) * cos(tsuya_rad_from_deg(po)), sin(b) * sin(tsuya_rad_from_deg(po)), cos(b)};
+        reflect(cloth, wi, wo, rgb);
+        fprintf(w.stream, "%.2f,%.2f,%.2f,%.2f,%.7g,%.7g,%.7g\n", ti, pi, to, po, rgb[0], rgb[1], rgb[2]);
+    }
+    return tsuya_file_commit(&w);
+}
+
+static tsuya_status write_chart(const simulation *s, const tsuya_studio_prop *prop, int count)
+{
+    const char *text = "x_m,y_m,z_m,r,g,b\n";
+    for (int k = 0; k < count; k++) {
+        const tsuya_studio_print *p = prop[k].print;
+        for (int i = 0; p && p->patch && i < p->cols * p->rows; i++) {
+            tsuya_vec3 middle = {(i % p->cols) * (p->size_m + p->gap_m) + 0.5 * p->size_m, (i / p->cols) * (p->size_m + p->gap_m) + 0.5 * p->size_m, 0.0};
+            middle = tsuya_pose_apply(tsuya_pose_inverse(p->print_from_world), middle);
+            text = tsuya_arena_printf(s->scene->arena, "%s%.6f,%.6f,%.6f,%.5f,%.5f,%.5f\n", text ? text : "", middle.x, middle.y, middle.z,
+                                      (double)p->patch[i][0], (double)p->patch[i][1], (double)p->patch[i][2]);
+        }
+    }
+    return s->scene->chart ? write_text(s, "truth/chart.csv", text) : TSUYA_OK;
+}
+
+static tsuya_status write_sparse(const simulation *s, const simulate_view *taken, int count)
+{
+    tsuya_camera camera = s->camera;
+    uint32_t camera_id = 1;
+    const char *folder = path_in(s, "truth/sparse");
+    tsuya_view *view = tsuya_arena_alloc(s->scene->arena, (size_t)count, sizeof *view);
+    if (!folder || !view) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    if (camera.lens == TSUYA_LENS_OPENCV5 || camera.lens == TSUYA_LENS_OPENCV8) {
+        camera.lens = TSUYA_LENS_OPENCV8; /* COLMAP's FULL_OPENCV */
+    }
+    for (int i = 0; i < count; i++) {
+        char *name = tsuya_arena_printf(s->scene->arena, "%s-%03d.%s", taken[i].close_up ? "close" : "shot", i + 1, s->scene->camera.format);
+        if (!name) {
+            return TSUYA_ERROR_MEMORY;
+        }
+        view[i] = (tsuya_view){.image_id = (uint32_t)i + 1, .camera_id = camera_id, .name = name, .camera_from_world = taken[i].camera_from_world};
+    }
+    tsuya_sparse_model model = {.camera = &camera, .camera_id = &camera_id, .camera_count = 1, .view = view, .view_count = count};
+    TSUYA_TRY(tsuya_folder_make(folder));
+    return tsuya_sparse_model_save_text(&model, folder);
+}
+
+/* Photographs of the rings, evenly spread. */
+static const char *held_out(const simulation *s, const simulate_view *view, int count)
+{
+    int rings = 0;
+    const char *text = "";
+    while (rings < count && !view[rings].close_up) {
+        rings++;
+    }
+    for (int k = 0; k < s->scene->hold_out && text && rings > 0; k++) {
+        int i = (int)((k + 0.4) * rings / s->scene->hold_out);
+        text = tsuya_arena_printf(s->scene->arena, "%s%sshot-%03d.%s", text, k ? ", " : "", i + 1, s->scene->camera.format);
+    }
+    return text;
+}
+
+static tsuya_status write_job(const simulation *s, const simulate_view *view, int count)
+{
+    const tsuya_simulate_scene *scene = s->scene;
+    const char *hold_out = held_out(s, view, count);
+    bool calibrated = scene->has_board && scene->board.photos > 0;
+    return write_text(s, "JOB.yaml", tsuya_arena_printf(scene->arena,
+        "# Photographs that `tsuya capture simulate` made; truth/ holds what they were made of, and no stage reads it.\n"
+        "name: %s\nphotos: photos/\nmasks: masks/\n%s%shold_out: [%s]\nrender:\n"
+        "  - {name: turntable, views: 8, size: [640, 480]}\n%s", scene->name,
+        calibrated ? "camera: {board: board.yaml, photos: board/}\n" : "",
+        scene->has_goniometer ? "materials:\n  - {name: cloth, samples: goniometer.csv}\n" : "", hold_out ? hold_out : "",
+        scene->hold_out > 0 ? "  - {name: as-photographed, like: photos/}\n" : ""));
+}
+
+static tsuya_status write_truth(const simulation *s, const tsuya_studio_cloth *cloth, const simulate_view *view, int count, const char *lights,
+                                const tsuya_studio_prop *prop, int props)
+{
+    const tsuya_microcylinder *reflectance = tsuya_simulate_reflectance(s->scene);
+    const char *mesh = path_in(s, "truth/mesh.ply"), *camera = path_in(s, "truth/camera.cameramodel");
+    if (!mesh || !camera) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    TSUYA_TRY(write_sparse(s, view, count));
+    TSUYA_TRY(tsuya_ply_save(&cloth->mesh, mesh, NULL));
+    TSUYA_TRY(tsuya_cameramodel_save(&s->camera, tsuya_pose_identity(), camera));
+    TSUYA_TRY(write_text(s, "truth/lights.json", lights));
+    TSUYA_TRY(write_reflectance(s, reflectance));
+    TSUYA_TRY(write_chart(s, prop, props));
+    TSUYA_TRY(s->scene->has_mat ? write_grid(s, "mat.yaml", &s->scene->mat) : TSUYA_OK);
+    TSUYA_TRY(s->scene->has_board ? write_grid(s, "board.yaml", &s->scene->board) : TSUYA_OK);
+    TSUYA_TRY(s->scene->has_goniometer ? write_goniometer(s, reflectance) : TSUYA_OK);
+    return write_job(s, view, count);
+}
+
+/* Empties the folders that it fills, but only where an earlier session stood: truth/.studio says so from the first moment. */
+static tsuya_status make_folders(const simulation *s)
+{
+    static const char *const names[] = {"truth", "photos", "masks", "board"};
+    const char *mark = path_in(s, "truth/.studio");
+    bool own = mark && tsuya_path_exists(mark);
+    for (int i = 0; i < 8; i++) {
+        const char *path = path_in(s, names[i % 4]);
+        if (!path || !mark) {
+            return TSUYA_ERROR_MEMORY;
+        }
+        if (i < 4 && !own && tsuya_path_exists(path)) {
+            return tsuya_fail(TSUYA_ERROR_INPUT, "%s: is there, and no simulation made it; choose a folder that is new or of an earlier simulation", path);
+        }
+        if (i >= 4) {
+            TSUYA_TRY(tsuya_folder_remove(path));
+            TSUYA_TRY(i % 4 < 3 || s->scene->has_board ? tsuya_folder_make(path) : TSUYA_OK);
+        }
+        TSUYA_TRY(i == 4 ? tsuya_file_write(mark, "", 0) : TSUYA_OK);
+    }
+    return TSUYA_OK;
+}
+
+static tsuya_status cloth_session(simulation *s, tsuya_simulate_info *info)
+{
+    tsuya_status status;
+    tsuya_studio_cloth cloth = {0};
+    tsuya_studio_prop prop[SIMULATE_PROPS] = {0};
+    tsuya_light_set lights = {0};
+    tsuya_studio *studio = NULL;
+    tsuya_studio_weave weave = tsuya_simulate_weave(s->scene, s->context->seed);
+    tsuya_studio_options options = {.samples = 25, .prop = prop, .cloth = tsuya_simulate_reflectance(s->scene)};
+    simulate_view *view;
+    tsuya_vec3 low, high;
+    const char *json;
+    TSUYA_GOTO_DONE(status, tsuya_simulate_cloth(&cloth, info, s->scene, &weave, s->context));
+    double start_s = tsuya_clock_s();
+    tsuya_mesh_bounds(&cloth.mesh, &low, &high);
+    TSUYA_GOTO_DONE(status, tsuya_simulate_props(prop, &options.prop_count, s->scene));
+    TSUYA_GOTO_DONE(status, tsuya_simulate_lights(&json, s->scene, low, high));
+    TSUYA_GOTO_DONE(status, tsuya_light_set_parse(&lights, json, s->scene->path, s->folder));
+    TSUYA_GOTO_DONE(status, tsuya_simulate_views(&view, &info->photos, s->scene, &s->camera, &cloth, s->context->seed));
+    TSUYA_GOTO_DONE(status, tsuya_studio_create(&studio, &cloth, &weave, &lights, &options, s->context));
+    TSUYA_GOTO_DONE(status, photograph_cloth(s, studio, view, info->photos));
+    TSUYA_GOTO_DONE(status, write_truth(s, &cloth, view, info->photos, json, prop, options.prop_count));
+    info->photos_s = tsuya_clock_s() - start_s;
+done:
+    tsuya_studio_free(studio);
+    tsuya_light_set_free(&lights);
+    tsuya_studio_cloth_free(&cloth);
+    for (int k = 0; k < SIMULATE_PROPS; k++) {
+        tsuya_studio_prop_free(&prop[k]);
+    }
+    return status;
+}
+
+tsuya_status tsuya_simulate(tsuya_simulate_info *info, const tsuya_simulate_scene *scene, const char *folder, const tsuya_context *context)
+{
+    tsuya_context own = *context;
+    simulation s = {.scene = scene, .context = &own, .folder = folder};
+    *info = (tsuya_simulate_info){0};
+    own.seed = (uint64_t)scene->seed;
+    TSUYA_TRY(tsuya_simulate_camera(&s.camera, scene));
+    set_camera(&s);
+    TSUYA_TRY(tsuya_folder_make(folder));
+    TSUYA_TRY(make_folders(&s));
+    TSUYA_TRY(cloth_session(&s, info));
+    double start_s = tsuya_clock_s();
+    info->board_photos = scene->has_board ? scene->board.photos : 0;
+    for (int i = 0; i < info->board_photos; i++) {
+        tsuya_progress_update(&own, "board", i, info->board_photos, NULL);
+        TSUYA_TRY(photograph_board(&s, i));
+    }
+    info->board_s = tsuya_clock_s() - start_s;
+    return TSUYA_OK;
+}

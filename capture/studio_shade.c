@@ -1,0 +1,210 @@
+/* Threads under the vertices' light.
+ *
+ * Macroscopic reflectance (microcylinders) is found once a pixel and lamp, over places on the lamp; each ray of the pixel then
+ * takes its yarn's relief and brightness as a factor whose mean over the weave is 1, so that what a far camera sees is the
+ * macroscopic reflectance itself. */
+#include "capture/studio_light.h"
+
+#include "render/frame.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { STREAM_GLOSS = 3000, LAMP_SIDE = 2 };
+static const double SAME_NORMAL = 0.9986; /* cos 3° */
+
+typedef struct place {
+    const uint32_t *t;
+    double w[3];
+    tsuya_vec3 n, weft, warp; /* n on the side that is seen */
+    bool back;
+} place;
+
+/* The yarn's own normal: tilted off the cloth's by its slopes across and along. */
+static tsuya_vec3 yarn_normal(const place *at, const tsuya_studio_yarn *yarn)
+{
+    tsuya_vec3 along = yarn->is_weft ? at->weft : at->warp;
+    tsuya_vec3 across = tsuya_vec3_tangent(yarn->is_weft ? at->warp : at->weft, along);
+    return tsuya_vec3_unit(tsuya_vec3_mad(tsuya_vec3_mad(at->n, yarn->across, across), yarn->along, along));
+}
+
+static void eval(const tsuya_microcylinder *cloth, tsuya_vec3 wi, tsuya_vec3 wo, double *surface, double *volume)
+{
+    double one[3], other[3];
+    tsuya_microcylinder_eval(cloth, wi, wo, one);
+    tsuya_microcylinder_eval(cloth, wo, wi, other);
+    *surface = sqrt(fmax(one[1] * other[1], 0.0)); /* albedo 1, 0: the first channel holds both, the second the surface alone */
+    *volume = sqrt(fmax((one[0] - one[1]) * (other[0] - other[1]), 0.0));
+}
+
+static tsuya_microcylinder split(const tsuya_microcylinder *cloth)
+{
+    tsuya_microcylinder c = *cloth;
+    c.warp.albedo[0] = cloth->warp.albedo[0];
+    c.weft.albedo[0] = cloth->weft.albedo[0];
+    c.warp.albedo[1] = c.warp.albedo[2] = c.weft.albedo[1] = c.weft.albedo[2] = 0.0;
+    return c;
+}
+
+void tsuya_studio_reflectance(const tsuya_microcylinder *cloth, const float dye[3], tsuya_vec3 wi, tsuya_vec3 wo, double rgb[3])
+{
+    tsuya_microcylinder both = split(cloth);
+    double surface, volume;
+    eval(&both, wi, wo, &surface, &volume);
+    for (int c = 0; c < 3; c++) {
+        rgb[c] = surface + volume * (double)dye[c];
+    }
+}
+
+void tsuya_studio_measure_gloss(tsuya_studio *s)
+{
+    enum { GRID = 60, THETA = 8, PHI = 12 };
+    tsuya_microcylinder both = split(s->gloss);
+    double sum = 0.0, a, b;
+    for (int k = 0; k < GRID * GRID; k++) {
+        double u = (k % GRID + 0.5) / GRID * 5.0 * s->weave->warp_pitch_m, v = (k / GRID + 0.5) / GRID * 5.0 * s->weave->weft_pitch_m;
+        tsuya_studio_yarn yarn = tsuya_studio_weave_at(s->weave, u, v);
+        sum += (double)yarn.shade / sqrt(1.0 + yarn.across * yarn.across + yarn.along * yarn.along) / (GRID * GRID);
+    }
+    s->weave_shade = sum;
+    tsuya_vec3 wo = {0.0, 0.0, 1.0};
+    for (int k = 0; k < THETA * PHI; k++) { /* density cosθ/π */
+        double r = sqrt((k / PHI + 0.5) / THETA), phi = 2.0 * M_PI * (k % PHI + 0.5) / PHI;
+        eval(&both, (tsuya_vec3){r * cos(phi), r * sin(phi), sqrt(1.0 - r * r)}, wo, &a, &b);
+        s->reflected[0] += M_PI * a / (THETA * PHI);
+        s->reflected[1] += M_PI * b / (THETA * PHI);
+    }
+}
+
+/* Surface and volume radiance under each whole lamp, and its mean direction. */
+static void fill_cache(studio_cache *cache, const tsuya_studio *s, const place *at, tsuya_vec3 p, tsuya_vec3 direction, uint64_t seed, uint64_t counter)
+{
+    tsuya_microcylinder both = split(s->gloss);
+    tsuya_vec3 x = at->weft, y = tsuya_vec3_cross(at->n, x);
+    tsuya_vec3 wo = {-tsuya_vec3_dot(direction, x), -tsuya_vec3_dot(direction, y), -tsuya_vec3_dot(direction, at->n)};
+    *cache = (studio_cache){.filled = true, .n = at->n};
+    for (int lamp = 0; lamp < s->lamp_count; lamp++) {
+        int drawn = 0;
+        tsuya_vec3 mean = {0, 0, 0};
+        for (int k = 0; k < LAMP_SIDE * LAMP_SIDE; k++) {
+            uint64_t c = 2 * (counter * LAMP_SIDE * LAMP_SIDE + (uint64_t)k);
+            double u[2] = {(k % LAMP_SIDE + tsuya_random_uniform(seed, (uint64_t)(STREAM_GLOSS + lamp), c)) / LAMP_SIDE,
+                           (k / LAMP_SIDE + tsuya_random_uniform(seed, (uint64_t)(STREAM_GLOSS + lamp), c + 1)) / LAMP_SIDE};
+            tsuya_light_sample sample;
+            double surface, volume;
+            drawn++;
+            if (tsuya_light_sample_at(&s->lights->light[s->lamp[lamp]], p, at->n, u, &sample)) {
+                tsuya_vec3 wi = {tsuya_vec3_dot(sample.wi, x), tsuya_vec3_dot(sample.wi, y), tsuya_vec3_dot(sample.wi, at->n)};
+                double strength = fmax(wi.z, 0.0) / sample.pdf;
+                mean = tsuya_vec3_mad(mean, strength, sample.wi);
+                eval(&both, wi, wo, &surface, &volume);
+                for (int j = 0; j < 3; j++) {
+                    cache->surface[lamp][j] += surface * strength * sample.rgb[j];
+                    cache->volume[lamp][j] += volume * strength * sample.rgb[j];
+                }
+                if (sample.delta) {
+                    break;
+                }
+            }
+        }
+        cache->wi[lamp] = tsuya_vec3_unit(mean);
+        for (int j = 0; j < 3; j++) {
+            cache->surface[lamp][j] /= drawn;
+            cache->volume[lamp][j] /= drawn;
+        }
+    }
+}
+
+static size_t slot_of(const tsuya_studio *s, const place *at, int k) { return at->t[k] + (at->back ? s->mesh.vertex_count : 0); }
+
+/* Irradiance from everything but the lamps. */
+static void around(const tsuya_studio *s, const place *at, double rgb[3])
+{
+    for (int c = 0; c < 3; c++) {
+        rgb[c] = 0.0;
+        for (int k = 0; k < 3; k++) {
+            rgb[c] += at->w[k] * (double)s->ambient[3 * slot_of(s, at, k) + (size_t)c];
+        }
+    }
+}
+
+static void shade_matt(const tsuya_studio *s, const place *at, tsuya_vec3 n, const float albedo[3], double rgb[3])
+{
+    double share = 0.5 + 0.5 * tsuya_vec3_dot(n, at->n), irradiance[3];
+    around(s, at, irradiance);
+    for (int c = 0; c < 3; c++) {
+        irradiance[c] *= share;
+    }
+    for (int lamp = 0; lamp < s->lamp_count; lamp++) {
+        tsuya_vec3 arriving = {0, 0, 0};
+        for (int k = 0; k < 3; k++) {
+            tsuya_vec3f a = s->arriving[slot_of(s, at, k) * (size_t)s->lamp_count + (size_t)lamp];
+            arriving = tsuya_vec3_mad(arriving, at->w[k], (tsuya_vec3){(double)a.x, (double)a.y, (double)a.z});
+        }
+        double facing = fmax(0.0, tsuya_vec3_dot(arriving, n));
+        for (int c = 0; c < 3; c++) {
+            irradiance[c] += facing * s->lights->light[s->lamp[lamp]].rgb[c];
+        }
+    }
+    for (int c = 0; c < 3; c++) {
+        rgb[c] += (double)albedo[c] * irradiance[c] / M_PI;
+    }
+}
+
+static void shade_gloss(const tsuya_studio *s, const place *at, const tsuya_studio_yarn *yarn, const studio_cache *cache, double rgb[3])
+{
+    tsuya_vec3 n = yarn_normal(at, yarn);
+    double irradiance[3], shade = (double)yarn->shade / s->weave_shade;
+    around(s, at, irradiance);
+    for (int c = 0; c < 3; c++) {
+        rgb[c] += shade * tsuya_vec3_dot(n, at->n) * irradiance[c] / M_PI * (s->reflected[0] + s->reflected[1] * (double)yarn->dye[c]);
+    }
+    for (int lamp = 0; lamp < s->lamp_count; lamp++) {
+        double visible = 0.0, facing = tsuya_vec3_dot(at->n, cache->wi[lamp]);
+        for (int k = 0; k < 3; k++) {
+            visible += at->w[k] * (double)s->visible[slot_of(s, at, k) * (size_t)s->lamp_count + (size_t)lamp];
+        }
+        double relief = visible * shade * fmax(0.0, tsuya_vec3_dot(n, cache->wi[lamp])) / fmax(facing, 0.05);
+        for (int c = 0; c < 3; c++) {
+            rgb[c] += relief * (cache->surface[lamp][c] + cache->volume[lamp][c] * (double)yarn->dye[c]);
+        }
+    }
+}
+
+static tsuya_studio_yarn yarn_at(const tsuya_studio *s, const place *at)
+{
+    const float *uv = s->cloth->uv;
+    double u = 0.0, v = 0.0;
+    for (int k = 0; k < 3; k++) {
+        u += at->w[k] * (double)uv[2 * at->t[k]];
+        v += at->w[k] * (double)uv[2 * at->t[k] + 1];
+    }
+    return tsuya_studio_weave_at(s->weave, u, v);
+}
+
+void tsuya_studio_shade(const tsuya_studio *s, const tsuya_ray_hit *hit, tsuya_vec3 p, tsuya_vec3 direction, studio_cache *cache,
+                        uint64_t seed, uint64_t counter, double rgb[3])
+{
+    place at = {.t = s->mesh.triangle + 3 * (size_t)hit->triangle};
+    tsuya_studio_weights(hit, at.w);
+    at.n = tsuya_vec3_unit(tsuya_studio_interpolate(s->mesh.normal, at.t, at.w));
+    at.back = tsuya_vec3_dot(at.n, direction) > 0.0;
+    at.n = tsuya_vec3_scale(at.n, at.back ? -1.0 : 1.0);
+    if (hit->triangle >= s->cloth_triangles) {
+        float albedo[3];
+        tsuya_studio_albedo(s, hit, albedo);
+        shade_matt(s, &at, at.n, albedo, rgb);
+        return;
+    }
+    at.weft = tsuya_vec3_tangent(tsuya_studio_interpolate(s->cloth->mesh.weft, at.t, at.w), at.n);
+    at.warp = tsuya_vec3_tangent(tsuya_studio_interpolate(s->cloth->warp, at.t, at.w), at.n);
+    tsuya_studio_yarn yarn = yarn_at(s, &at);
+    if (!s->gloss) {
+        shade_matt(s, &at, yarn_normal(&at, &yarn), yarn.albedo, rgb);
+        return;
+    }
+    if (!cache->filled || tsuya_vec3_dot(cache->n, at.n) < SAME_NORMAL) {
+        fill_cache(cache, s, &at, p, direction, seed, counter);
+    }
+    shade_gloss(s, &at, &yarn, cache, rgb);
+}
