@@ -2,6 +2,7 @@
 
 #include "core/memory.h"
 
+#include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 #include <suitesparse/cholmod.h>
@@ -121,9 +122,11 @@ tsuya_status tsuya_drape_solver_solve(double *x, bool *definite, drape_solver *s
                            .dtype = CHOLMOD_DOUBLE};
     cholmod_factor *factor = NULL;
     cholmod_dense *left = NULL;
+    int levels = omp_get_max_active_levels();
     if (openblas_set_num_threads) {
         openblas_set_num_threads(1);
     }
+    omp_set_max_active_levels(0); /* CHOLMOD's loops over a supernode's few columns cost more to share than to run */
     *definite = false;
     cholmod_sparse *a = cholmod_triplet_to_sparse(&t, 0, c);
     factor = a ? cholmod_analyze_p(a, s->order, NULL, 0, c) : NULL;
@@ -136,6 +139,7 @@ tsuya_status tsuya_drape_solver_solve(double *x, bool *definite, drape_solver *s
     }
     status = c->status == CHOLMOD_OUT_OF_MEMORY ? tsuya_fail(TSUYA_ERROR_MEMORY, "drape: no memory for %zu unknowns", s->n) : TSUYA_OK;
     c->status = CHOLMOD_OK;
+    omp_set_max_active_levels(levels);
     cholmod_free_dense(&left, c);
     cholmod_free_factor(&factor, c);
     cholmod_free_sparse(&a, c);
