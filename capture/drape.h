@@ -99,6 +99,12 @@ TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_drape_run(tsuya_drape_info *info, 
                                                         const tsuya_drape_body *body, int body_count, const tsuya_drape_options *options,
                                                         tsuya_drape_watch watch, void *watch_user, const tsuya_context *context);
 
+/* The same from coarse to fine: at rest, each triangle into four, to rest again, `levels` times; the sheet grows.  Steps add up; the
+ * energy's rise is the largest of all levels.  Fails where a finer sheet would stick in a body or cross itself. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_drape_settle(tsuya_drape_info *info, tsuya_drape_sheet *sheet, const tsuya_drape_fabric *fabric,
+                                                           const tsuya_drape_body *body, int body_count, const tsuya_drape_options *options,
+                                                           int levels, const tsuya_context *context);
+
 /* Edges of the sheet that pierce a triangle they share no vertex with (brute force behind a grid; for tests). */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_drape_intersections(size_t *count, const tsuya_drape_sheet *sheet);
 /* Elastic energy (stretch and bending, J) of a sheet as it stands. */

@@ -4,6 +4,7 @@
 
 #include "core/memory.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -136,4 +137,70 @@ done:
     tsuya_free(r.valence);
     tsuya_free(r.border);
     return status;
+}
+
+/* Corners that a coarse mesh cut stick in the body once it is finer: their ends move out, a tenth of a triangle at most. */
+static tsuya_status push_out(tsuya_drape_sheet *s, const tsuya_drape_body *body, int body_count, double least_m)
+{
+    enum { PASSES = 60 };
+    drape_element *element = NULL;
+    uint32_t *edge = NULL;
+    size_t edges, inside = 1;
+    tsuya_status status = tsuya_drape_elements_create(&element, &edge, &edges, s);
+    for (int pass = 0; pass < PASSES && inside > 0 && status == TSUYA_OK; pass++) {
+        inside = 0;
+        for (size_t k = 0; k < s->vertex_count + edges; k++) {
+            uint32_t a = k < s->vertex_count ? (uint32_t)k : edge[2 * (k - s->vertex_count)];
+            uint32_t b = k < s->vertex_count ? (uint32_t)k : edge[2 * (k - s->vertex_count) + 1];
+            for (int i = 0; i < body_count; i++) {
+                tsuya_vec3 n, p = tsuya_vec3_scale(tsuya_vec3_add(drape_at(s->position, a), drape_at(s->position, b)), 0.5);
+                double d = tsuya_drape_body_distance(&body[i], p, &n);
+                if (d < least_m) {
+                    inside++;
+                    drape_add(s->position, a, s->fixed[a] ? 0.0 : 1.1 * least_m - d, n);
+                    drape_add(s->position, b, s->fixed[b] || a == b ? 0.0 : 1.1 * least_m - d, n);
+                }
+            }
+        }
+    }
+    tsuya_free(element);
+    tsuya_free(edge);
+    if (status == TSUYA_OK && inside > 0) {
+        status = tsuya_fail(TSUYA_ERROR_NUMERIC, "drape: the finer sheet sticks in a body at %zu places; fewer levels are accepted", inside);
+    }
+    return status;
+}
+
+/* The finer sheet, outside of the bodies and still without intersections. */
+static tsuya_status refine(tsuya_drape_sheet *sheet, const tsuya_drape_body *body, int body_count, double near_m)
+{
+    tsuya_drape_sheet fine;
+    size_t crossings;
+    TSUYA_TRY(tsuya_drape_sheet_subdivide(&fine, sheet, false));
+    tsuya_drape_sheet_free(sheet);
+    *sheet = fine;
+    TSUYA_TRY(push_out(sheet, body, body_count, 0.2 * near_m));
+    TSUYA_TRY(tsuya_drape_intersections(&crossings, sheet));
+    return crossings == 0 ? TSUYA_OK : tsuya_fail(TSUYA_ERROR_NUMERIC, "drape: %zu edges of the finer sheet cross it; fewer levels are accepted", crossings);
+}
+
+tsuya_status tsuya_drape_settle(tsuya_drape_info *info, tsuya_drape_sheet *sheet, const tsuya_drape_fabric *fabric, const tsuya_drape_body *body,
+                                int body_count, const tsuya_drape_options *options, int levels, const tsuya_context *context)
+{
+    tsuya_drape_info all = {0};
+    for (int level = 0; level <= levels; level++) {
+        tsuya_drape_options own = *options;
+        if (level > 0) {
+            TSUYA_TRY(refine(sheet, body, body_count, fabric->thickness_m));
+            own.step_s = fmin(fmax(own.step_s, 0.1), own.step_most_s);
+        }
+        TSUYA_TRY(tsuya_drape_run(info, sheet, fabric, body, body_count, &own, NULL, NULL, context));
+        all.steps += info->steps;
+        all.newton_steps += info->newton_steps;
+        all.energy_rise_j = fmax(all.energy_rise_j, info->energy_rise_j);
+    }
+    info->steps = all.steps;
+    info->newton_steps = all.newton_steps;
+    info->energy_rise_j = all.energy_rise_j;
+    return TSUYA_OK;
 }

@@ -158,7 +158,7 @@ static bool pierces(tsuya_vec3 p, tsuya_vec3 q, tsuya_vec3 a, tsuya_vec3 b, tsuy
 {
     tsuya_vec3 d = tsuya_vec3_sub(q, p), e = tsuya_vec3_sub(b, a), f = tsuya_vec3_sub(c, a), h = tsuya_vec3_cross(d, f), r = tsuya_vec3_sub(p, a);
     double det = tsuya_vec3_dot(e, h);
-    if (fabs(det) < 1e-30) {
+    if (fabs(det) < 1e-10 * tsuya_vec3_norm(d) * tsuya_vec3_norm(e) * tsuya_vec3_norm(f)) { /* in the plane: rounding */
         return false;
     }
     tsuya_vec3 o = tsuya_vec3_cross(r, e);

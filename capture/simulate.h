@@ -15,6 +15,7 @@
 typedef struct tsuya_scene_cloth {
     const char *kind, *fabric, *reflectance; /* kind: closed, square, disc */
     double side_m, spacing_m, weft_mm, warp_mm, unevenness;
+    int levels;                              /* coarser meshes that settle first */
     int smooth;                              /* subdivisions of the draped mesh before it is photographed */
 } tsuya_scene_cloth;
 

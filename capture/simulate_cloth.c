@@ -75,7 +75,7 @@ const tsuya_microcylinder *tsuya_simulate_reflectance(const tsuya_simulate_scene
 static tsuya_status lay_out(tsuya_drape_sheet *sheet, const tsuya_simulate_scene *s, const tsuya_drape_fabric *fabric, uint64_t seed)
 {
     tsuya_vec3 foot = tsuya_simulate_foot(s);
-    double side = s->cloth.side_m, spacing = s->cloth.spacing_m, z = foot.z + s->stand.height_m + fabric->thickness_m + START_M;
+    double side = s->cloth.side_m, spacing = s->cloth.spacing_m * (1 << s->cloth.levels), z = foot.z + s->stand.height_m + fabric->thickness_m + START_M;
     if (is(s->cloth.kind, "disc")) {
         TSUYA_TRY(tsuya_drape_sheet_disc(sheet, 0.5 * side, 0.0, spacing));
     } else {
@@ -99,7 +99,7 @@ static tsuya_status drape(tsuya_drape_sheet *sheet, tsuya_simulate_info *info, c
     double start_s = tsuya_clock_s();
     (void)tsuya_drape_fabric_named(&fabric, s->cloth.fabric); /* the scene's check knows it */
     TSUYA_TRY(lay_out(sheet, s, &fabric, context->seed));
-    TSUYA_TRY(tsuya_drape_run(&own, sheet, &fabric, body, tsuya_simulate_bodies(body, s), &options, NULL, NULL, context));
+    TSUYA_TRY(tsuya_drape_settle(&own, sheet, &fabric, body, tsuya_simulate_bodies(body, s), &options, s->cloth.levels, context));
     info->drape_steps = own.steps;
     info->at_rest = own.at_rest;
     info->energy_j = own.energy_j;

@@ -23,7 +23,8 @@ static const tsuya_yaml_field cloth_fields[] = {
     FIELD(tsuya_scene_cloth, reflectance, TSUYA_YAML_TEXT), FIELD(tsuya_scene_cloth, side_m, TSUYA_YAML_NUMBER),
     FIELD(tsuya_scene_cloth, spacing_m, TSUYA_YAML_NUMBER), FIELD(tsuya_scene_cloth, weft_mm, TSUYA_YAML_NUMBER),
     FIELD(tsuya_scene_cloth, warp_mm, TSUYA_YAML_NUMBER),   FIELD(tsuya_scene_cloth, unevenness, TSUYA_YAML_NUMBER),
-    FIELD(tsuya_scene_cloth, smooth, TSUYA_YAML_INT),       {0},
+    FIELD(tsuya_scene_cloth, smooth, TSUYA_YAML_INT),
+    FIELD(tsuya_scene_cloth, levels, TSUYA_YAML_INT),       {0},
 };
 static const tsuya_yaml_field stand_fields[] = {
     FIELD(tsuya_scene_stand, kind, TSUYA_YAML_TEXT),       FIELD(tsuya_scene_stand, radius_m, TSUYA_YAML_NUMBER),
@@ -83,7 +84,7 @@ static const number_rule cloth_numbers[] = {
     NUMBER(tsuya_scene_cloth, weft_mm, 2.6, 0.05, 20),       NUMBER(tsuya_scene_cloth, warp_mm, 2.0, 0.05, 20),
     NUMBER(tsuya_scene_cloth, unevenness, 0.1, 0, 0.5),      {0},
 };
-static const int_rule cloth_ints[] = {NUMBER(tsuya_scene_cloth, smooth, 2, 0, 4), {0}};
+static const int_rule cloth_ints[] = {NUMBER(tsuya_scene_cloth, smooth, 2, 0, 4), NUMBER(tsuya_scene_cloth, levels, 1, 0, 3), {0}};
 static const number_rule stand_numbers[] = {
     NUMBER(tsuya_scene_stand, radius_m, 0.08, 0.002, 5), NUMBER(tsuya_scene_stand, height_m, 0.15, 0.02, 5),
     NUMBER(tsuya_scene_stand, length_m, 0.5, 0.02, 10),  {0},

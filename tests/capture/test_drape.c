@@ -228,6 +228,37 @@ static void cloth_over_a_bar_does_not_pass_through(void **state)
     tsuya_drape_sheet_free(&sheet);
 }
 
+/* From coarse to fine over a thin bar: layers touch, nothing crosses, and threads change no bit of it. */
+static void coarse_to_fine_comes_to_rest(void **state)
+{
+    (void)state;
+    tsuya_drape_sheet sheet[2];
+    tsuya_drape_fabric f;
+    tsuya_drape_info info;
+    tsuya_drape_options o = tsuya_drape_options_default();
+    size_t crossings;
+    const tsuya_drape_body body[] = {{.shape = TSUYA_DRAPE_BAR, .a = {-0.3, 0, 0.14}, .b = {0.3, 0, 0.14}, .radius_m = 0.01},
+                                     {.shape = TSUYA_DRAPE_FLOOR, .a = {0, 0, 0}}};
+    assert_true(tsuya_drape_fabric_named(&f, "silk"));
+    o.steps_most = 60;
+    for (int k = 0; k < 2; k++) {
+        tsuya_context context = tsuya_context_default();
+        context.threads = k ? 3 : 1;
+        assert_ok(tsuya_drape_sheet_grid(&sheet[k], -0.06, -0.12, 0.024, 5, 10));
+        for (size_t v = 0; v < sheet[k].vertex_count; v++) {
+            sheet[k].position[3 * v + 2] = 0.152 + 1e-4 * tsuya_random_uniform(1, 2, v);
+        }
+        assert_ok(tsuya_drape_settle(&info, &sheet[k], &f, body, 2, &o, 1, &context));
+        print_message("  %zu vertices: %d steps, %d newton, rise %.1e J, contacts %d\n", sheet[k].vertex_count, info.steps, info.newton_steps, info.energy_rise_j, info.contacts);
+    }
+    assert_ok(tsuya_drape_intersections(&crossings, &sheet[0]));
+    assert_int_equal(crossings, 0);
+    assert_true(info.contacts > 10 && info.energy_rise_j <= 1e-9 && sheet[0].vertex_count == 11 * 21);
+    assert_memory_equal(sheet[0].position, sheet[1].position, 3 * sheet[0].vertex_count * sizeof(double));
+    tsuya_drape_sheet_free(&sheet[0]);
+    tsuya_drape_sheet_free(&sheet[1]);
+}
+
 static void senseless_numbers_are_refused(void **state)
 {
     (void)state;
@@ -250,6 +281,7 @@ int main(void)
         cmocka_unit_test(a_cantilever_hangs_as_an_elastica),      cmocka_unit_test(a_hanging_sheet_stretches_under_its_weight),
         cmocka_unit_test(stiffer_cloth_drapes_less_in_fewer_folds), cmocka_unit_test(threads_do_not_matter),
         cmocka_unit_test(cloth_over_a_bar_does_not_pass_through), cmocka_unit_test(senseless_numbers_are_refused),
+        cmocka_unit_test(coarse_to_fine_comes_to_rest),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
