@@ -15,6 +15,7 @@ const tsuya_command tsuya_commands[] = {
     {"brdf fit", "fits a material to measured reflectance", tsuya_command_brdf_fit},
     {"brdf compare", "fits every model to the same samples: error beside time and size", tsuya_command_brdf_compare},
     {"brdf plan", "the stage angles whose readings tell most, from names, a material or the readings so far", tsuya_command_brdf_plan},
+    {"brdf export", "a material as other renderers read it: RGL tensors or MERL, with its loss", tsuya_command_brdf_export},
     {"brdf plot", "a material and its samples as curves, as a surface and as polar diagrams", tsuya_command_brdf_plot},
     {"brdf predict", "reflectance from the fibre's cross-section and the weave", tsuya_command_brdf_predict},
     {"render", "shades a mesh with its weft field and materials", tsuya_command_render},
@@ -24,5 +25,5 @@ const tsuya_command tsuya_commands[] = {
 
 /* Commands of the interface that later versions bring. */
 const char *const tsuya_later_commands[] = {
-    "calib light", "calib color", "brdf export", NULL,
+    "calib light", NULL,
 };

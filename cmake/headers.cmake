@@ -1,6 +1,7 @@
 # Headers that are installed: those that declare what libtsuya exports (TSUYA_API), and what they stand on.
 # tests/app/check_headers.sh holds this list against the tree.
 set(TSUYA_PUBLIC_HEADERS
+  brdf/export.h
   brdf/fit.h
   brdf/material.h
   brdf/plan.h

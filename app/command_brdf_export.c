@@ -1,0 +1,93 @@
+/* tsuya brdf export MATERIAL.json */
+#include "app/command.h"
+#include "brdf/export.h"
+#include "core/file.h"
+
+#include <string.h>
+
+typedef struct export_input {
+    const char *material, *output;
+} export_input;
+
+static const struct argp_option export_options[] = {
+    {"output", 'o', "FILE", 0, "FILE.bsdf (RGL tensors, for Mitsuba 3 and pbrt) or FILE.binary (MERL); default: material.bsdf", 0},
+    {0},
+};
+
+static error_t parse_export(int key, char *arg, struct argp_state *state)
+{
+    export_input *input = state->input;
+    switch (key) {
+    case 'o':
+        if (strcmp(tsuya_path_extension(arg), ".bsdf") != 0 && strcmp(tsuya_path_extension(arg), ".binary") != 0) {
+            argp_error(state, "-o %s: expected FILE.bsdf or FILE.binary", arg);
+        }
+        input->output = arg;
+        return 0;
+    case ARGP_KEY_ARG:
+        if (input->material) {
+            argp_error(state, "'%s': one MATERIAL.json only", arg);
+        }
+        input->material = arg;
+        return 0;
+    case ARGP_KEY_END:
+        if (!input->material) {
+            argp_error(state, "MATERIAL.json is missing");
+        }
+        return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
+static const tsuya_syntax export_syntax = {
+    .arguments = "MATERIAL.json",
+    .example = "tsuya brdf export demo/brdf/default-silk.json -o silk.bsdf",
+    .doc = "Writes a material as other renderers read it, and says what is lost: the error of cube roots and the colour difference (CIEDE2000) of "
+           "what a reader of the file sees, against the material, over directions up to 80° from the normal.",
+    .options = export_options,
+    .parse = parse_export,
+};
+
+static tsuya_status export_material(const export_input *input, const tsuya_common *common)
+{
+    tsuya_material *m = NULL;
+    tsuya_export_loss loss;
+    char *folder = NULL, *file = NULL;
+    tsuya_json *out = NULL;
+    const char *path = input->output ? input->output : "material.bsdf", *extension = tsuya_path_extension(path);
+    bool merl = strcmp(extension, ".binary") == 0;
+    tsuya_status status;
+    TSUYA_GOTO_DONE(status, tsuya_material_load(&m, input->material));
+    TSUYA_GOTO_DONE(status, tsuya_command_output(&folder, &file, path, extension, ""));
+    if (merl) {
+        tsuya_warn("%s: a MERL table is isotropic; the cloth's anisotropy is lost, its mean over all turns is written", file);
+    }
+    TSUYA_GOTO_DONE(status, merl ? tsuya_export_merl(&loss, file, m) : tsuya_export_rgl(&loss, file, m));
+    out = tsuya_json_create_object();
+    if (!out) {
+        TSUYA_GOTO_DONE(status, TSUYA_ERROR_MEMORY);
+    }
+    tsuya_json_set_text(out, "file", file);
+    tsuya_json_set_text(out, "format", merl ? "MERL" : "RGL");
+    tsuya_json_set_number(out, "bytes", loss.bytes);
+    tsuya_json_set_number(out, "error_cbrt", loss.cbrt);
+    tsuya_json_set_number(out, "de00_median", loss.de00_median);
+    tsuya_json_set_number(out, "de00_p95", loss.de00_p95);
+    status = tsuya_command_figures(common, out);
+done:
+    tsuya_json_free(out);
+    tsuya_material_free(m);
+    tsuya_free(folder);
+    tsuya_free(file);
+    return status;
+}
+
+int tsuya_command_brdf_export(int argc, char **argv)
+{
+    tsuya_common common;
+    export_input input = {0};
+    tsuya_command_parse(&export_syntax, &common, &input, argc, argv);
+    tsuya_command_context(&common);
+    tsuya_status status = export_material(&input, &common);
+    return status == TSUYA_OK ? TSUYA_EXIT_OK : tsuya_command_failed(status);
+}
