@@ -64,6 +64,7 @@ int tsuya_command_capture_simulate(int argc, char **argv);
 int tsuya_command_capture_target(int argc, char **argv);
 int tsuya_command_calib_camera(int argc, char **argv);
 int tsuya_command_calib_compare(int argc, char **argv);
+int tsuya_command_calib_color(int argc, char **argv);
 int tsuya_command_reconstruct(int argc, char **argv);
 int tsuya_command_weave_image(int argc, char **argv);
 int tsuya_command_weave_mesh(int argc, char **argv);

@@ -8,6 +8,7 @@ const tsuya_command tsuya_commands[] = {
     {"capture target", "a board of AprilTags to print, exact in millimetres, and its board.yaml", tsuya_command_capture_target},
     {"calib camera", "photographs of a board to a camera model with an error that can be believed", tsuya_command_calib_camera},
     {"calib compare", "projection difference of two camera models: has the camera drifted?", tsuya_command_calib_compare},
+    {"calib color", "white balance, colour matrix and vignetting from a 24-patch chart and grey cards", tsuya_command_calib_color},
     {"reconstruct", "photographs to a cloud and a surface", tsuya_command_reconstruct},
     {"weave image", "thread directions, periods and confidence of a photograph, patch by patch", tsuya_command_weave_image},
     {"weave mesh", "lifts the threads of all photographs to one weft field on the surface", tsuya_command_weave_mesh},

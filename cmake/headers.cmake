@@ -23,6 +23,8 @@ set(TSUYA_PUBLIC_HEADERS
   calib/apriltag_adapter.h
   calib/board.h
   calib/calibrate.h
+  calib/chart.h
+  calib/color.h
   calib/corners.h
   calib/covariance.h
   calib/detect.h
