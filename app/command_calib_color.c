@@ -6,11 +6,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { KEY_FLAT = 1, KEY_REFERENCE, KEY_CORNERS, PICTURE_PATCH = 80 };
+enum { KEY_FLAT = 1, KEY_REFERENCE, KEY_CORNERS, KEY_LINEAR, PICTURE_PATCH = 80 };
 
 typedef struct color_input {
     const char *chart, *reference, *output, *flat[TSUYA_COLOR_CARDS + 1];
-    bool has_corners;
+    bool has_corners, linear;
     tsuya_vec2 corner[4];
 } color_input;
 
@@ -18,6 +18,7 @@ static const struct argp_option options[] = {
     {"flat", KEY_FLAT, "PHOTO", 0, "A flat grey card that fills the picture: vignetting, and white balance without a chart; repeatable", 0},
     {"reference", KEY_REFERENCE, "FILE.csv", 0, "Lab (D50) of the chart's patches: columns patch,l,a,b (default: the maker's, since November 2014)", 0},
     {"corners", KEY_CORNERS, "TEXT", 0, "Middles of the patches dark skin, bluish green, black, white: \"x,y x,y x,y x,y\" (default: looked for)", 0},
+    {"linear", KEY_LINEAR, NULL, 0, "Integer files hold linear light (default: sRGB, but camera raw, whose light is linear as it is)", 0},
     {"output", 'o', "PATH", 0, "Folder, or FILE.json (default: color.json); a picture goes beside it", 0},
     {0},
 };
@@ -38,6 +39,7 @@ static error_t parse(int key, char *arg, struct argp_state *state)
     switch (key) {
     case KEY_FLAT: tsuya_argument_append(state, input->flat, TSUYA_COLOR_CARDS, arg); return 0;
     case KEY_REFERENCE: input->reference = arg; return 0;
+    case KEY_LINEAR: input->linear = true; return 0;
     case KEY_CORNERS: parse_corners(state, input, arg); return 0;
     case 'o': input->output = arg; return 0;
     case ARGP_KEY_ARG:
@@ -59,12 +61,19 @@ static error_t parse(int key, char *arg, struct argp_state *state)
 
 static const tsuya_syntax syntax = {
     .arguments = "[CHART]",
-    .example = "tsuya calib color chart.tif --flat grey-card.tif -o color.json",
+    .example = "tsuya calib color chart.jpg --flat grey-card.jpg -o color.json",
     .doc = "White balance, a 3 x 3 matrix to linear Rec.709 and vignetting from a photograph of a 24-patch chart and of flat grey cards, with the colour "
            "differences that are left (CIEDE2000, dark patches apart) and a check that the camera is linear.",
     .options = options,
     .parse = parse,
 };
+
+static tsuya_status load(tsuya_image *photo, const color_input *input, const char *path)
+{
+    TSUYA_TRY(tsuya_image_load(photo, path));
+    photo->encoding = input->linear ? TSUYA_ENCODING_LINEAR : photo->encoding;
+    return TSUYA_OK;
+}
 
 static tsuya_status fit_flat(tsuya_vignetting *v, double balance[3], const color_input *input)
 {
@@ -76,7 +85,7 @@ static tsuya_status fit_flat(tsuya_vignetting *v, double balance[3], const color
     }
     for (; status == TSUYA_OK && input->flat[count]; count++) {
         tsuya_image photo = {0};
-        status = tsuya_image_load(&photo, input->flat[count]);
+        status = load(&photo, input, input->flat[count]);
         if (status == TSUYA_OK) {
             status = tsuya_flat_card_read(&card[count], &photo, input->flat[count]);
         }
@@ -102,7 +111,7 @@ static tsuya_status fit_chart(tsuya_color *color, const color_input *input, cons
     if (input->reference) {
         TSUYA_TRY(tsuya_chart_reference_load(reference, input->reference));
     }
-    TSUYA_TRY(tsuya_image_load(&photo, input->chart));
+    TSUYA_TRY(load(&photo, input, input->chart));
     tsuya_status status = TSUYA_OK;
     if (v && (v->width_px != photo.width_px || v->height_px != photo.height_px)) {
         status = tsuya_fail(TSUYA_ERROR_INPUT, "%s is %d x %d px, the flat cards %d x %d; one size is expected", input->chart, photo.width_px, photo.height_px,
@@ -152,7 +161,7 @@ static void warn(const tsuya_color *c, const color_input *input)
         }
     }
     if (fabs(c->gamma - 1.0) > 0.04) {
-        tsuya_warn("%s: greys rise with the power %.2f of their reflectance: the photograph is not linear (a tone curve); use camera raw or a linear file",
+        tsuya_warn("%s: greys rise with the power %.2f of their reflectance: the photograph is not linear (a tone curve); use camera raw, or a linear file with --linear",
                    input->chart, c->gamma);
     }
     if (hypot(c->light_gradient[0], c->light_gradient[1]) > 0.15) {

@@ -76,6 +76,19 @@ static void test_later_commands_are_refused_not_faked(void **state)
     tsuya_free(help);
 }
 
+static void test_calib_color_refuses(void **state)
+{
+    (void)state;
+    assert_int_equal(run("calib color"), 2);
+    assert_says("CHART is missing");
+    assert_int_equal(run("calib color chart.tif --corners 1,2"), 2);
+    assert_says("is not four points");
+    assert_int_equal(run("calib color /nonexistent/chart.tif"), 1);
+    assert_says("/nonexistent/chart.tif");
+    assert_int_equal(run("reconstruct photos --scale a.yaml --distance '1; a 1,2 3,4'"), 2);
+    assert_says("either --scale or --distance");
+}
+
 static void test_failures_are_one_line_and_exit_1(void **state)
 {
     (void)state;
@@ -155,6 +168,7 @@ int main(void)
         cmocka_unit_test(test_every_command_opens_its_help_with_an_example),
         cmocka_unit_test(test_unknown_words_name_the_nearest),
         cmocka_unit_test(test_later_commands_are_refused_not_faked),
+        cmocka_unit_test(test_calib_color_refuses),
         cmocka_unit_test(test_failures_are_one_line_and_exit_1),
         cmocka_unit_test(test_missing_colmap),
         cmocka_unit_test(test_eval_keeps_columns_and_order),

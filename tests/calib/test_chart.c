@@ -102,9 +102,6 @@ static tsuya_color fit(const view *v, const tsuya_lab *reference, const tsuya_vi
     tsuya_chart chart;
     tsuya_color color;
     draw_chart(&image, v, reference);
-    if (getenv("TSUYA_KEEP")) {
-        assert_ok(tsuya_image_save(&image, getenv("TSUYA_KEEP"), NULL));
-    }
     assert_ok(tsuya_chart_find(&chart, &image, "chart.tif", NULL, 1));
     assert_ok(tsuya_color_fit(&color, &chart, reference, vignetting, "chart.tif"));
     printf("%s: %d patches fitted to %.2f px; difference mean %.2f max %.2f, dark %.2f max %.2f, held out %.2f; gamma %.3f, worst grey %+.1f %% (patch %d)\n", what,
