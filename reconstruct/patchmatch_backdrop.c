@@ -3,7 +3,7 @@
  * has texture only on the other side of a strong edge lose their depth. */
 #include "reconstruct/patchmatch_filter.h"
 
-static const float ALIKE = 0.12f;        /* grey: across more than this lies something else */
+static const float ALIKE = 0.05f;        /* grey: across more than this lies something else */
 static const float STEP = 0.03f;         /* between neighbours of one bare region */
 static const float BARE_CONTRAST = 0.01f; /* standard deviation of grey that bareness may have */
 static const float LEAST_SHARE = 0.02f;  /* of the picture: less is no backdrop */

@@ -57,7 +57,7 @@ static void cylinder_is_recovered_to_its_flanks(void **state)
     assert_true(e.wrong <= 0.01);
 }
 
-/* Without a mask the bare backdrop must not take on the depth of what stands before it (without that rule: 0.008). */
+/* Without a mask the bare backdrop must not take on the depth of what stands before it (0.008 if it does). */
 static void backdrop_stays_empty_without_a_mask(void **state)
 {
     (void)state;
