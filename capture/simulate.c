@@ -254,10 +254,10 @@ static tsuya_status write_job(const simulation *s, const simulate_view *view, in
     bool calibrated = scene->has_board && scene->board.photos > 0;
     return write_text(s, "JOB.yaml", tsuya_arena_printf(scene->arena,
         "# Photographs that `tsuya capture simulate` made; truth/ holds what they were made of, and no stage reads it.\n"
-        "name: %s\nphotos: photos/\nmasks: masks/\n%s%shold_out: [%s]\nrender:\n"
+        "name: %s\nphotos: photos/\nmasks: masks/\n%s%s%shold_out: [%s]\nrender:\n"
         "  - {name: turntable, views: 8, size: [640, 480]}\n%s", scene->name,
         calibrated ? "camera: {board: board.yaml, photos: board/}\n" : "",
-        scene->has_goniometer ? "materials:\n  - {name: cloth, samples: goniometer.csv}\n" : "", hold_out ? hold_out : "",
+        scene->has_mat ? "scale: {board: mat.yaml}\n" : "", scene->has_goniometer ? "materials:\n  - {name: cloth, samples: goniometer.csv}\n" : "", hold_out ? hold_out : "",
         scene->hold_out > 0 ? "  - {name: as-photographed, like: photos/}\n" : ""));
 }
 
