@@ -18,7 +18,7 @@ foreach(kind LIBDIR INCLUDEDIR)
   endif()
 endforeach()
 # What the static library needs; not Requires.private, which would ask users of the shared one for all these packages.
-string(JOIN " " TSUYA_PC_PRIVATE -lopencv_imgcodecs -lopencv_imgproc -lopencv_core -lOpenEXRCore ${CJSON_LDFLAGS} ${YAML_LDFLAGS}
+string(JOIN " " TSUYA_PC_PRIVATE -lopencv_mcc -lopencv_imgcodecs -lopencv_imgproc -lopencv_core -lOpenEXRCore ${CJSON_LDFLAGS} ${YAML_LDFLAGS}
   ${EXIF_LDFLAGS} ${RAW_LDFLAGS} ${XXHASH_LDFLAGS} ${SQLITE_LDFLAGS} ${APRILTAG_LDFLAGS} ${CAIRO_LDFLAGS} ${PCL_SURFACE_LDFLAGS}
   -lembree3 -lmeshoptimizer -lmrcal -lcholmod -llapacke -lgomp -lstdc++ -lm -lpthread)
 configure_file(${PROJECT_SOURCE_DIR}/cmake/tsuya.pc.in ${PROJECT_BINARY_DIR}/tsuya.pc @ONLY)
