@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { LOOKS = 9 }; /* a side: where the surface under a patch is looked up */
+enum { LOOKS = 9, WINDOW_MAX = 512 }; /* LOOKS a side: where the surface under a patch is looked up */
 static const double COS_MIN = 0.3, HIT_SHARE = 0.9;
 static const double FLATNESS = 0.06; /* rms distance from the fitted plane over the patch's side */
 static const double NORMALS_AGREE = 0.85;
@@ -98,10 +98,10 @@ static float sample(const tsuya_image *grey, double x, double y)
     return top + v * (bottom - top);
 }
 
-/* The patch as seen from straight above: samples at `spacing` along `right` and `down` about the plane's centre. */
-static bool rectify(float *values, const view_job *job, tsuya_vec3 centre, tsuya_vec3 right, tsuya_vec3 down, double spacing)
+/* The cloth as seen from straight above: n × n samples at `spacing` along `right` and `down` about the plane's centre. */
+static bool rectify(float *values, int n, const view_job *job, tsuya_vec3 centre, tsuya_vec3 right, tsuya_vec3 down, double spacing)
 {
-    int n = job->patch_px, w = job->grey.width_px, h = job->grey.height_px;
+    int w = job->grey.width_px, h = job->grey.height_px;
     for (int j = 0; j < n; j++) {
         for (int i = 0; i < n; i++) {
             double u = (i - 0.5 * (n - 1)) * spacing, v = (j - 0.5 * (n - 1)) * spacing;
@@ -136,8 +136,38 @@ static void set_directions(patch_node *node, const view_job *job, const tsuya_th
     node->flow_weight = t->flow_coherence;
 }
 
-static void look(patch_node *node, const view_job *job, tsuya_detector *detector, float *values, int x0, int y0)
+/* What one thread of execution looks with.  A window of twice the patch's side about it tells which peaks are threads. */
+typedef struct viewer {
+    tsuya_detector *patch, *window; /* window: NULL where it would be too large */
+    float *values, *window_values;
+} viewer;
+
+static tsuya_status viewer_create(viewer *v, int patch_px)
 {
+    tsuya_status status = TSUYA_OK;
+    size_t n = (size_t)patch_px;
+    *v = (viewer){0};
+    TSUYA_NEW(status, v->values, n * n);
+    TSUYA_NEW(status, v->window_values, 4 * n * n);
+    status = tsuya_detector_create(&v->patch, patch_px, NULL);
+    if (status == TSUYA_OK && 2 * patch_px <= WINDOW_MAX) {
+        status = tsuya_detector_create(&v->window, 2 * patch_px, NULL);
+    }
+done:
+    return status;
+}
+
+static void viewer_free(viewer *v)
+{
+    tsuya_detector_free(v->patch);
+    tsuya_detector_free(v->window);
+    tsuya_free(v->values);
+    tsuya_free(v->window_values);
+}
+
+static void look(patch_node *node, const view_job *job, viewer *v, int x0, int y0)
+{
+    int n = job->patch_px;
     plane fit;
     *node = (patch_node){0};
     if (!fit_plane(&fit, job, x0, y0)) {
@@ -150,11 +180,18 @@ static void look(patch_node *node, const view_job *job, tsuya_detector *detector
     }
     tsuya_vec3 right = tsuya_vec3_tangent((tsuya_vec3){1, 0, 0}, fit.normal), down = tsuya_vec3_cross(right, fit.normal);
     down = down.y < 0.0 ? tsuya_vec3_scale(down, -1.0) : down;
-    if (!rectify(values, job, fit.centre, right, down, spacing)) {
+    if (!rectify(v->values, n, job, fit.centre, right, down, spacing)) {
         return;
     }
     tsuya_threads threads;
-    tsuya_detector_run(detector, &threads, values);
+    if (v->window && rectify(v->window_values, 2 * n, job, fit.centre, right, down, spacing)) {
+        tsuya_finding finding;
+        const tsuya_finding *around = &finding;
+        tsuya_detector_find(v->window, &finding, v->window_values);
+        tsuya_detector_follow(v->patch, &threads, &around, 1, v->values);
+    } else {
+        tsuya_detector_run(v->patch, &threads, v->values);
+    }
     set_directions(node, job, &threads, right, down, spacing);
     node->position = tsuya_pose_apply(tsuya_pose_inverse(job->view->camera_from_world), fit.centre);
     node->normal = in_world(job, fit.normal);
@@ -165,26 +202,23 @@ static void look(patch_node *node, const view_job *job, tsuya_detector *detector
 static tsuya_status look_everywhere(const view_job *job, const tsuya_context *context)
 {
     tsuya_failure failure = {0};
-    size_t area = (size_t)job->patch_px * (size_t)job->patch_px;
 #pragma omp parallel num_threads(context->threads)
     {
-        tsuya_detector *detector = NULL;
-        float *values = tsuya_calloc(area, sizeof *values);
-        tsuya_status status = values ? tsuya_detector_create(&detector, job->patch_px, NULL) : TSUYA_ERROR_MEMORY;
+        viewer v;
+        tsuya_status status = viewer_create(&v, job->patch_px);
 #pragma omp for schedule(dynamic, 1)
         for (int row = 0; row < job->rows; row++) {
             tsuya_status own = status;
             for (int column = 0; own == TSUYA_OK && column < job->columns; column++) {
                 patch_node *n = &job->node[(size_t)row * (size_t)job->columns + (size_t)column];
-                look(n, job, detector, values, column * job->step_px, row * job->step_px);
+                look(n, job, &v, column * job->step_px, row * job->step_px);
             }
             if (own != TSUYA_OK) {
 #pragma omp critical(tsuya_weave_votes)
                 tsuya_failure_keep(&failure, (size_t)row, own);
             }
         }
-        tsuya_detector_free(detector);
-        tsuya_free(values);
+        viewer_free(&v);
     }
     return tsuya_failure_raise(&failure);
 }
