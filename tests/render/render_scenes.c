@@ -161,3 +161,23 @@ tsuya_shader lambert(double reflectance)
     assert_ok(tsuya_shader_from_material(&shader, kept[count++]));
     return shader;
 }
+
+tsuya_path_options options_of(int spp, int bounces)
+{
+    tsuya_path_options o = tsuya_path_options_default();
+    o.spp = spp;
+    o.bounces = bounces;
+    return o;
+}
+
+void twenty_lamps(tsuya_light_set *lights)
+{
+    for (int k = 0; k < 20; ++k) {
+        double a = 2.0 * M_PI * k / 20, h = 0.6 + 0.5 * (k % 4), s = 0.3 + 0.1 * (k % 3);
+        tsuya_vec3 p = {1.6 * cos(a), 1.6 * sin(a), h};
+        tsuya_light light = {.kind = k % 2 ? TSUYA_LIGHT_DISK : TSUYA_LIGHT_RECT, .position_m = p, .direction = tsuya_vec3_scale(p, -1.0),
+                             .size_m = {s, s}, .rgb = {1.0 + k % 5, 2.0, 3.0 - k % 3}};
+        add_light(lights, light);
+    }
+    add_light(lights, (tsuya_light){.kind = TSUYA_LIGHT_ENVIRONMENT, .rgb = {0.2, 0.3, 0.4}});
+}

@@ -26,8 +26,13 @@ tsuya_film scene_render(const tsuya_mesh *mesh, const tsuya_shader *shader, cons
 double film_mean(const tsuya_film *film, int channel);
 double film_mean_error(const tsuya_film *film);
 
+/* Defaults with these. */
+tsuya_path_options options_of(int spp, int bounces);
+
 /* A lamp added to a set; fails the test on an error. */
 void add_light(tsuya_light_set *set, tsuya_light light);
+/* Twenty lamps of every kind. */
+void twenty_lamps(tsuya_light_set *lights);
 /* A Lambert shader; its material is kept until the program ends. */
 tsuya_shader lambert(double reflectance);
 
