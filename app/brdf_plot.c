@@ -104,7 +104,8 @@ static void gather_points(tsuya_plot_data *d, const tsuya_brdf_picture *p)
             continue;
         }
         bool back = a >= 180.0 - 1e-9 && fabs(p->bench.light_deg[0] - p->bench.view_deg[0]) < 0.5; /* the same facet from the other side */
-        d->point[d->count++] = (tsuya_plot_point){back ? a - 180.0 : a, back ? -t : t, value * s->wi[k].z};
+        /* lamp and camera change places there: f stays, the cosine is the other one's */
+        d->point[d->count++] = (tsuya_plot_point){back ? a - 180.0 : a, back ? -t : t, value * (back ? s->wo[k].z : s->wi[k].z)};
     }
 }
 
