@@ -5,6 +5,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <poll.h>
+#include <sched.h>
 #include <signal.h>
 #include <spawn.h>
 #include <stdio.h>
@@ -102,6 +103,19 @@ static const char **wrapped_arguments(const char *const argv[])
         memcpy(all + before, argv, count * sizeof *all);
     }
     return all;
+}
+
+/* This thread, and with it the child that it starts next, on the processor where it runs; false leaves it as it was. */
+static bool hold_processor(cpu_set_t *before)
+{
+    cpu_set_t one;
+    int processor = sched_getcpu();
+    if (processor < 0 || sched_getaffinity(0, sizeof *before, before) != 0) {
+        return false;
+    }
+    CPU_ZERO(&one);
+    CPU_SET(processor, &one);
+    return sched_setaffinity(0, sizeof one, &one) == 0;
 }
 
 static tsuya_status spawn(child *c, const char *const argv[], const char *working_folder, const char *const *environment)
@@ -294,7 +308,12 @@ tsuya_status tsuya_process_run(tsuya_process_info *info, const char *const argv[
         fflush(c.log);
     }
     double start = tsuya_clock_s();
+    cpu_set_t before;
+    bool held = options && options->one_processor && hold_processor(&before);
     tsuya_status status = spawn(&c, argv, options ? options->working_folder : NULL, options ? options->environment : NULL);
+    if (held) {
+        sched_setaffinity(0, sizeof before, &before);
+    }
     if (status == TSUYA_OK) {
         struct rusage usage = {0};
         bool interrupted;

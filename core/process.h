@@ -17,6 +17,7 @@ typedef struct tsuya_process_options {
     const char *const *environment;  /* extra NAME=VALUE, NULL-terminated; NULL: none */
     tsuya_line_sink line;            /* NULL: none */
     void *line_user;
+    bool one_processor;              /* the child has one processor: for programs whose result depends on the number of threads */
 } tsuya_process_options;
 
 typedef struct tsuya_process_info {

@@ -19,6 +19,7 @@ typedef struct command {
     const char *missing; /* a needed option that this COLMAP lacks */
     const char *label;   /* of the progress */
     double done, total;
+    bool one_processor;
 } command;
 
 static void add(command *c, const char *text)
@@ -105,7 +106,7 @@ static tsuya_status finish(command *c)
         return tsuya_fail(TSUYA_ERROR_UNAVAILABLE, "colmap %s: %s has no option %s; COLMAP 3.8 is known to work", c->name, c->colmap->version, c->missing);
     }
     c->argv[c->count] = NULL;
-    tsuya_process_options options = {.log_path = log, .environment = ENVIRONMENT, .line = follow, .line_user = c};
+    tsuya_process_options options = {.log_path = log, .environment = ENVIRONMENT, .line = follow, .line_user = c, .one_processor = c->one_processor};
     tsuya_process_info info;
     tsuya_status status = tsuya_process_run(&info, c->argv, &options);
     c->colmap->peak_mb = info.peak_mb > c->colmap->peak_mb ? info.peak_mb : c->colmap->peak_mb;
@@ -233,6 +234,31 @@ tsuya_status tsuya_colmap_map(tsuya_colmap *colmap, const char *output, bool fix
         set(c, "--Mapper.ba_refine_principal_point", "0");
         set(c, "--Mapper.ba_refine_extra_params", "0");
     }
+    status = finish(c);
+done:
+    tsuya_free(help);
+    tsuya_free(c);
+    return status;
+}
+
+tsuya_status tsuya_colmap_adjust(tsuya_colmap *colmap, const char *input, const char *output, bool fixed_intrinsics)
+{
+    char *help = NULL, path[ARGUMENT_SIZE];
+    command *c = tsuya_calloc(1, sizeof *c);
+    tsuya_status status = c ? begin(c, colmap, "bundle_adjuster", "adjustment", &help) : TSUYA_ERROR_MEMORY;
+    if (status != TSUYA_OK) {
+        goto done;
+    }
+    snprintf(path, sizeof path, "%s/%s", colmap->folder, output);
+    TSUYA_GOTO_DONE(status, tsuya_folder_make(path));
+    set_path(c, "--input_path", input);
+    set(c, "--output_path", path);
+    if (fixed_intrinsics) {
+        set(c, "--BundleAdjustment.refine_focal_length", "0");
+        set(c, "--BundleAdjustment.refine_principal_point", "0");
+        set(c, "--BundleAdjustment.refine_extra_params", "0");
+    }
+    c->one_processor = true;
     status = finish(c);
 done:
     tsuya_free(help);

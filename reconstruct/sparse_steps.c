@@ -1,5 +1,6 @@
 #include "reconstruct/sparse_steps.h"
 
+#include "reconstruct/adjust.h"
 #include "reconstruct/database_adapter.h"
 #include "reconstruct/match_steps.h"
 #include "reconstruct/scale_step.h"
@@ -165,6 +166,7 @@ static void report_missing(const tsuya_reconstruction *r, const tsuya_sparse_mod
 static tsuya_status keep_largest(tsuya_reconstruction *r, tsuya_json *figures)
 {
     tsuya_sparse_model best = {0};
+    tsuya_adjust_info adjusted;
     tsuya_status status = TSUYA_OK;
     int models = 0;
     for (;; models++) {
@@ -188,6 +190,11 @@ static tsuya_status keep_largest(tsuya_reconstruction *r, tsuya_json *figures)
     }
     report_missing(r, &best, models > 1 ? " with the largest group (the set falls apart: photographs between the groups would join them)" : "");
     tsuya_json_set_number(figures, "models", models);
+    TSUYA_GOTO_DONE(status, tsuya_adjust(&best, &adjusted, &r->colmap, r->options->camera_model != NULL));
+    tsuya_json_set_number(figures, "observations", (double)adjusted.observations);
+    tsuya_json_set_number(figures, "observations_kept", (double)adjusted.kept);
+    tsuya_json_set_number(figures, "feature_sigma_px", adjusted.sigma_px);
+    tsuya_json_set_number(figures, "adjustments", adjusted.rounds);
     status = tsuya_sparse_model_save_binary(&best, tsuya_scale_unscaled(r));
 done:
     tsuya_sparse_model_free(&best);
@@ -206,7 +213,7 @@ static tsuya_status explain_mapper(const tsuya_reconstruction *r, tsuya_status s
 
 static tsuya_status mapping(tsuya_reconstruction *r)
 {
-    if (tsuya_step_begin(&r->steps, "mapping", "", tsuya_arena_printf(r->arena, "%s/points3D.bin", tsuya_scale_unscaled(r)))) {
+    if (tsuya_step_begin(&r->steps, "mapping", "adjusted", tsuya_arena_printf(r->arena, "%s/points3D.bin", tsuya_scale_unscaled(r)))) {
         return TSUYA_OK;
     }
     tsuya_json *figures = tsuya_json_create_object();

@@ -1,0 +1,23 @@
+/* The mapper's model adjusted once more, without the observations that disturb it.
+ *
+ * COLMAP keeps whatever reprojects within 4 px and counts every pixel of error squared.  Features are far sharper than that
+ * (0.05 to 0.3 px), so the few matches that are wrong by a pixel bend cameras and lens.  Here each photograph's own scatter
+ * decides: sigma = 1.4826 × median |residual| per coordinate (a robust scale: Rousseeuw & Croux 1993), an observation farther
+ * than four sigmas is left out, a point with fewer than two observations too, and COLMAP's bundle adjuster runs on the rest;
+ * repeated until the choice stands.  An observation that was left out comes back when it fits again. */
+#ifndef TSUYA_RECONSTRUCT_ADJUST_H
+#define TSUYA_RECONSTRUCT_ADJUST_H
+
+#include "reconstruct/colmap.h"
+
+typedef struct tsuya_adjust_info {
+    size_t observations, kept;
+    double sigma_px;  /* median over the photographs, of the last round */
+    int rounds;
+} tsuya_adjust_info;
+
+/* Changes `model` (poses, points, tracks, and the intrinsics unless they are fixed).  Works in colmap->folder/adjusting, which
+ * is removed afterwards.  A model without points is left as it is. */
+TSUYA_MUST_CHECK tsuya_status tsuya_adjust(tsuya_sparse_model *model, tsuya_adjust_info *info, tsuya_colmap *colmap, bool fixed_intrinsics);
+
+#endif

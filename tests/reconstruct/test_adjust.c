@@ -1,0 +1,171 @@
+/* The adjustment after the mapper: wrong matches within COLMAP's 4 px no longer bend cameras and lens. */
+#include "support.h"
+
+#include "core/memory.h"
+#include "reconstruct/adjust.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { VIEWS = 14, POINTS = 500 };
+
+static double noise(uint64_t stream, uint64_t i) { return tsuya_random_normal(5, stream, i); }
+
+static tsuya_pose true_pose(int v)
+{
+    double a = 2.0 * M_PI * v / VIEWS, height = v % 2 ? 0.5 : 1.1;
+    return tsuya_pose_look_at((tsuya_vec3){2.0 * cos(a), 2.0 * sin(a), height}, (tsuya_vec3){0, 0, 0.2}, (tsuya_vec3){0, 0, 1});
+}
+
+static const tsuya_camera lens = {.lens = TSUYA_LENS_SIMPLE_RADIAL, .width_px = 1000, .height_px = 800, .fx_px = 1100, .fy_px = 1100,
+                                  .cx_px = 499.5, .cy_px = 399.5, .distortion = {-0.05}};
+
+/* Each point is seen by 4 neighbouring views; `wrong` of the observations slid along a pattern, all to the same side. */
+static void make(tsuya_sparse_model *m, double wrong, bool exact_start)
+{
+    *m = (tsuya_sparse_model){.camera = tsuya_calloc(1, sizeof *m->camera), .camera_id = tsuya_calloc(1, sizeof *m->camera_id), .camera_count = 1,
+                              .view = tsuya_calloc(VIEWS, sizeof *m->view), .view_count = VIEWS, .point = tsuya_calloc(POINTS, sizeof *m->point),
+                              .point_count = POINTS};
+    m->camera[0] = lens;
+    m->camera_id[0] = 1;
+    m->camera[0].fx_px = m->camera[0].fy_px = exact_start ? 1100 : 1090;
+    for (int v = 0; v < VIEWS; v++) {
+        char name[16];
+        snprintf(name, sizeof name, "v%02d.jpg", v);
+        m->view[v] = (tsuya_view){.image_id = (uint32_t)v + 1, .camera_id = 1, .name = tsuya_strdup(name), .camera_from_world = true_pose(v),
+                                  .observation = tsuya_calloc(POINTS, sizeof *m->view[v].observation)};
+    }
+    for (int i = 0; i < POINTS; i++) {
+        uint64_t n = (uint64_t)i;
+        tsuya_point *p = &m->point[i];
+        p->position = (tsuya_vec3){0.35 * noise(1, 3 * n), 0.35 * noise(1, 3 * n + 1), 0.2 + 0.25 * noise(1, 3 * n + 2)};
+        p->point_id = n + 1;
+        p->track = tsuya_calloc(4, sizeof *p->track);
+        for (int k = 0; k < 4; k++) {
+            int v = (i + k) % VIEWS;
+            tsuya_vec2 pixel;
+            assert_true(tsuya_camera_project(&lens, tsuya_pose_apply(true_pose(v), p->position), &pixel));
+            uint64_t o = 4 * n + (uint64_t)k;
+            bool slid = tsuya_random_uniform(6, 1, o) < wrong;
+            m->view[v].observation[m->view[v].observation_count] =
+                (tsuya_observation){(float)(pixel.x + 0.1 * noise(2, o) + (slid ? 2.0 : 0.0)), (float)(pixel.y + 0.1 * noise(3, o)), i};
+            p->track[p->track_count++] = (tsuya_track_element){v, m->view[v].observation_count++};
+        }
+    }
+}
+
+/* rms of the camera centres after the best similarity, in units of the scene (2 is the distance of the cameras). */
+static double center_error(const tsuya_sparse_model *m)
+{
+    tsuya_vec3 own[VIEWS], truth[VIEWS];
+    tsuya_similarity s;
+    double rms;
+    for (int v = 0; v < VIEWS; v++) {
+        own[v] = tsuya_pose_center(m->view[v].camera_from_world);
+        truth[v] = tsuya_pose_center(true_pose(v));
+    }
+    assert_true(tsuya_similarity_align(&s, &rms, truth, own, VIEWS));
+    return rms;
+}
+
+static void open_folder(tsuya_colmap *colmap, const tsuya_context *context)
+{
+    assert_ok(tsuya_colmap_create(colmap, test_folder(), test_folder(), context));
+}
+
+/* What least squares make of it: where the mapper ends. */
+static void squares(tsuya_sparse_model *m, tsuya_colmap *colmap, double wrong)
+{
+    make(m, wrong, false);
+    assert_ok(tsuya_folder_make(test_path("plain")));
+    assert_ok(tsuya_sparse_model_save_binary(m, test_path("plain")));
+    tsuya_sparse_model_free(m);
+    assert_ok(tsuya_colmap_adjust(colmap, "plain", "plain2", false));
+    assert_ok(tsuya_sparse_model_load(m, test_path("plain2")));
+}
+
+static void test_wrong_matches_are_left_out(void **state)
+{
+    (void)state;
+    tsuya_context context = tsuya_context_default();
+    tsuya_colmap colmap;
+    tsuya_sparse_model clean, plain, wrong;
+    tsuya_adjust_info info;
+    open_folder(&colmap, &context);
+    squares(&plain, &colmap, 0.08);
+    squares(&wrong, &colmap, 0.08);
+    squares(&clean, &colmap, 0.0);
+    assert_ok(tsuya_adjust(&clean, &info, &colmap, false));
+    assert_true((double)info.kept >= 0.99 * (double)info.observations); /* nothing is wrong: nearly all stay */
+    assert_ok(tsuya_adjust(&wrong, &info, &colmap, false));
+    double e_plain = center_error(&plain), e_clean = center_error(&clean), e = center_error(&wrong);
+    print_message("centres: %.2g plain, %.2g adjusted, %.2g without wrong matches; focal %.3f; kept %zu of %zu, sigma %.3f px, %d rounds\n",
+                  e_plain, e, e_clean, wrong.camera[0].fx_px, info.kept, info.observations, info.sigma_px, info.rounds);
+    assert_true(e <= 0.35 * e_plain);
+    assert_true(e <= 1.7 * e_clean);
+    assert_true(fabs(wrong.camera[0].fx_px / 1100.0 - 1.0) <= 0.001);
+    assert_true(info.sigma_px > 0.07 && info.sigma_px < 0.12);
+    tsuya_sparse_model_free(&clean);
+    tsuya_sparse_model_free(&plain);
+    tsuya_sparse_model_free(&wrong);
+}
+
+static void test_known_lens_stays_and_twice_is_the_same(void **state)
+{
+    (void)state;
+    tsuya_context context = tsuya_context_default();
+    tsuya_colmap colmap;
+    tsuya_sparse_model a, b;
+    tsuya_adjust_info info;
+    open_folder(&colmap, &context);
+    make(&a, 0.08, true);
+    make(&b, 0.08, true);
+    assert_ok(tsuya_adjust(&a, &info, &colmap, true));
+    assert_ok(tsuya_adjust(&b, &info, &colmap, true));
+    assert_memory_equal(&a.camera[0], &lens, sizeof lens);
+    assert_int_equal(a.point_count, b.point_count);
+    for (int v = 0; v < VIEWS; v++) {
+        assert_memory_equal(&a.view[v].camera_from_world, &b.view[v].camera_from_world, sizeof a.view[v].camera_from_world);
+    }
+    for (size_t i = 0; i < a.point_count; i++) {
+        assert_memory_equal(&a.point[i].position, &b.point[i].position, sizeof a.point[i].position);
+        assert_true(a.point[i].track_count >= 2);
+    }
+    tsuya_sparse_model_free(&a);
+    tsuya_sparse_model_free(&b);
+}
+
+static void test_empty_model_stays(void **state)
+{
+    (void)state;
+    tsuya_context context = tsuya_context_default();
+    tsuya_colmap colmap;
+    tsuya_sparse_model m;
+    tsuya_adjust_info info;
+    open_folder(&colmap, &context);
+    make(&m, 0.0, true);
+    size_t points = m.point_count;
+    m.point_count = 0;
+    assert_ok(tsuya_adjust(&m, &info, &colmap, true));
+    assert_int_equal(info.rounds, 0);
+    assert_int_equal(m.view_count, VIEWS);
+    m.point_count = points;
+    tsuya_sparse_model_free(&m);
+}
+
+static int remove_folder(void **state)
+{
+    (void)state;
+    test_folder_remove();
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_wrong_matches_are_left_out),
+        cmocka_unit_test(test_known_lens_stays_and_twice_is_the_same),
+        cmocka_unit_test(test_empty_model_stays),
+    };
+    return cmocka_run_group_tests(tests, NULL, remove_folder);
+}
