@@ -9,6 +9,7 @@
 #include <string.h>
 
 enum { CLIPPED_HIGH = 254, CLIPPED_LOW = 1, PATCH = 2 };
+static const double FOCAL_ASSUMED = 1.0; /* of the longer side: 36 mm equivalent, between telephones and normal lenses */
 
 void tsuya_check_fault(tsuya_checked_photo *photo, const char *format, ...)
 {
@@ -96,6 +97,25 @@ static void color_around(float color[3], const tsuya_image *rgb, double x_px, do
     }
 }
 
+/* The ray through the middle of what the mask keeps. */
+static void set_gaze(const tsuya_checked_photo *p, tsuya_check_sight *sight, const tsuya_image *mask, int width, int height)
+{
+    double focal = tsuya_photo_focal_px(&p->photo) * sight->work_scale, x = 0.0, y = 0.0, n = 0.0;
+    sight->assumed = !(focal > 0.0);
+    sight->focal_px = sight->assumed ? FOCAL_ASSUMED * sight->work_long_side_px : focal;
+    sight->middle = (tsuya_vec2){0.5 * (width - 1), 0.5 * (height - 1)};
+    for (int j = 0; mask->data && j < height; j++) {
+        for (int i = 0; i < width; i++) {
+            double kept = *tsuya_image_u8(mask, i, j) > 127 ? 1.0 : 0.0;
+            x += kept * i;
+            y += kept * j;
+            n += kept;
+        }
+    }
+    tsuya_vec2 at = n > 0.0 ? (tsuya_vec2){x / n, y / n} : sight->middle;
+    sight->towards = tsuya_vec3_unit((tsuya_vec3){(at.x - sight->middle.x) / sight->focal_px, (at.y - sight->middle.y) / sight->focal_px, 1.0});
+}
+
 static tsuya_status find_features(tsuya_checked_photo *p, tsuya_check_sight *sight, const tsuya_image *rgb, const tsuya_image *mask,
                                   const tsuya_check_options *options, const tsuya_context *context)
 {
@@ -116,6 +136,7 @@ static tsuya_status find_features(tsuya_checked_photo *p, tsuya_check_sight *sig
             }
         }
     }
+    set_gaze(p, sight, &small_mask, width, height);
     TSUYA_GOTO_DONE(status, tsuya_features_find(&sight->features, &grey, mask->data ? &small_mask : NULL, options->features, context->threads));
     p->features = tsuya_features_count(sight->features);
     TSUYA_NEW(status, sight->color, 3 * (size_t)p->features);

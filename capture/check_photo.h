@@ -4,13 +4,32 @@
 
 #include "capture/check.h"
 #include "capture/opencv_adapter.h"
+#include "core/geometry.h"
 
 typedef struct tsuya_check_sight {
     tsuya_features *features; /* NULL: unreadable */
     float *color;             /* 3 a feature: linear values around it, averaged */
     double work_scale;        /* work px over photograph px */
     int work_long_side_px;
+    double focal_px;          /* in work px; `assumed` where EXIF tells none */
+    bool assumed;
+    tsuya_vec2 middle;        /* of the work picture */
+    tsuya_vec3 towards;       /* unit, camera frame: middle of the mask, or of the picture */
+    bool measured, is_new;
+    int own_faults;           /* that the photograph alone has */
+    double stamp[6];          /* size and time of change of photograph and mask */
 } tsuya_check_sight;
+
+/* What two photographs have to do with each other; `j` is the second. */
+typedef struct tsuya_check_relation {
+    bool known;
+    bool used;         /* near in the order of names, or asked because one of both is lonely */
+    int shared;
+    double ratio[3];   /* log2 of i's colours over j's; NaN where too few */
+    double moved;      /* median way of the features, share of the longer side */
+    int turned;        /* features that agree with the turn; 0: none */
+    tsuya_mat3 turn;   /* j_from_i, rotation alone */
+} tsuya_check_relation;
 
 /* Fills everything that the photograph alone can tell.  A photograph that cannot be decoded is a fault, not a failure. */
 TSUYA_MUST_CHECK tsuya_status tsuya_check_photo(tsuya_checked_photo *photo, tsuya_check_sight *sight,
@@ -18,9 +37,12 @@ TSUYA_MUST_CHECK tsuya_status tsuya_check_photo(tsuya_checked_photo *photo, tsuy
 void tsuya_check_sight_free(tsuya_check_sight *sight);
 void tsuya_check_fault(tsuya_checked_photo *photo, const char *format, ...) TSUYA_PRINTF(2, 3);
 
-/* Verdicts out of all photographs' measures (capture/check_session.c). */
-TSUYA_MUST_CHECK tsuya_status tsuya_check_relations(tsuya_check *check, const tsuya_check_sight *sight, const tsuya_check_options *options,
-                                                    const tsuya_context *context);
+/* Verdicts out of all photographs' measures (capture/check_session.c).  `relations`: count × count, what is known stays. */
+TSUYA_MUST_CHECK tsuya_status tsuya_check_relations(tsuya_check *check, tsuya_check_relation *relations, const tsuya_check_sight *sight,
+                                                    const tsuya_check_options *options, const tsuya_context *context);
+/* After the verdicts: directions, coverage, missing views (capture/check_cover.c). */
+TSUYA_MUST_CHECK tsuya_status tsuya_check_cover(tsuya_check *check, const tsuya_check_relation *relations, const tsuya_check_sight *sight,
+                                                const tsuya_check_options *options);
 TSUYA_MUST_CHECK tsuya_status tsuya_check_verdicts(tsuya_check *check, const tsuya_check_options *options);
 
 #endif

@@ -18,11 +18,7 @@ static const double TOLERANCE_SHARE = 0.003;   /* of the longer side: two-view g
 static const double SAME_VIEW_SHARE = 0.004;   /* features of the same view move less */
 static const double SAME_VIEW_FEATURES = 0.35; /* of the fewer features of both */
 
-typedef struct relation {
-    int shared;
-    double ratio[3];   /* log2 of i's colours over j's; NaN where too few */
-    double moved;      /* median way of the features, share of the longer side */
-} relation;
+typedef tsuya_check_relation relation;
 
 static int compare_double(const void *a, const void *b)
 {
@@ -68,35 +64,44 @@ typedef struct matcher {
     relation *relations;
     tsuya_feature_pair *pair;
     double *list;
+    int fewest;
 } matcher;
 
 static tsuya_status match_pair(const matcher *m, int i, int j)
 {
     relation *r = &m->relations[i * m->check->count + j], *back = &m->relations[j * m->check->count + i];
-    if (!m->sight[i].features || !m->sight[j].features) {
+    const tsuya_check_sight *a = &m->sight[i], *b = &m->sight[j];
+    r->used = back->used = true;
+    if (!a->features || !b->features || r->known) {
         return TSUYA_OK;
     }
-    TSUYA_TRY(tsuya_features_match(m->pair, &r->shared, m->sight[i].features, m->sight[j].features,
-                                   TOLERANCE_SHARE * m->sight[i].work_long_side_px));
-    relate(r, &m->sight[i], &m->sight[j], m->pair, m->list);
+    TSUYA_TRY(tsuya_features_match(m->pair, &r->shared, a->features, b->features, TOLERANCE_SHARE * a->work_long_side_px));
+    relate(r, a, b, m->pair, m->list);
+    if (r->shared >= m->fewest) {
+        tsuya_features_view from = {a->features, a->focal_px, a->middle}, to = {b->features, b->focal_px, b->middle};
+        TSUYA_TRY(tsuya_features_turn(&r->turn, &r->turned, &from, &to, m->pair, r->shared, TOLERANCE_SHARE * a->work_long_side_px));
+    }
+    r->known = true;
     *back = *r;
+    back->turn = tsuya_mat3_transpose(r->turn);
     for (int c = 0; c < 3; c++) {
         back->ratio[c] = -r->ratio[c];
     }
     return TSUYA_OK;
 }
 
-static bool is_lonely(const matcher *m, int i, int fewest)
+/* No neighbour among those near in order. */
+static bool is_lonely(const matcher *m, int i)
 {
     bool lonely = true;
     for (int j = 0; j < m->check->count; j++) {
-        lonely = lonely && m->relations[i * m->check->count + j].shared < fewest;
+        lonely = lonely && !(is_close(i, j, m->check->count) && m->relations[i * m->check->count + j].shared >= m->fewest);
     }
     return lonely;
 }
 
 /* What is close in order; then whoever found no neighbour there against everybody else. */
-static tsuya_status match_all(const matcher *m, int fewest, const tsuya_context *context)
+static tsuya_status match_all(const matcher *m, const tsuya_context *context)
 {
     int count = m->check->count;
     for (int i = 0; i < count; i++) {
@@ -109,7 +114,7 @@ static tsuya_status match_all(const matcher *m, int fewest, const tsuya_context 
         }
     }
     for (int i = 0; i < count; i++) {
-        bool lonely = is_lonely(m, i, fewest);
+        bool lonely = is_lonely(m, i);
         for (int j = 0; lonely && j < count; j++) {
             if (j != i && !is_close(i, j, count)) {
                 TSUYA_TRY(match_pair(m, i < j ? i : j, i < j ? j : i));
@@ -124,14 +129,14 @@ static tsuya_status match_pairs(relation *relations, const tsuya_check *check, c
                                 const tsuya_context *context)
 {
     tsuya_status status = TSUYA_OK;
-    matcher m = {.check = check, .sight = sight, .relations = relations};
+    matcher m = {.check = check, .sight = sight, .relations = relations, .fewest = options->shared_features};
     size_t room = 1;
     for (int i = 0; i < check->count; i++) {
         room = (size_t)check->photo[i].features > room ? (size_t)check->photo[i].features : room;
     }
     TSUYA_NEW(status, m.pair, room);
     TSUYA_NEW(status, m.list, room);
-    status = match_all(&m, options->shared_features, context);
+    status = match_all(&m, context);
 done:
     tsuya_free(m.pair);
     tsuya_free(m.list);
@@ -149,7 +154,7 @@ static void solve_gains(double *gain, const relation *relations, int count, int 
             double sum = 0.0, weight = 0.0;
             for (int j = 0; j < count; j++) {
                 const relation *r = &relations[i * count + j];
-                if (j != i && r->shared >= fewest && isfinite(r->ratio[channel])) {
+                if (j != i && r->used && r->shared >= fewest && isfinite(r->ratio[channel])) {
                     sum += r->shared * (gain[j] + r->ratio[channel]);
                     weight += r->shared;
                 }
@@ -208,17 +213,22 @@ done:
     return status;
 }
 
-tsuya_status tsuya_check_relations(tsuya_check *check, const tsuya_check_sight *sight, const tsuya_check_options *options,
-                                   const tsuya_context *context)
+tsuya_status tsuya_check_relations(tsuya_check *check, tsuya_check_relation *relations, const tsuya_check_sight *sight,
+                                   const tsuya_check_options *options, const tsuya_context *context)
 {
-    tsuya_status status = TSUYA_OK;
-    relation *relations = NULL;
-    TSUYA_NEW(status, relations, (size_t)check->count * (size_t)check->count);
-    TSUYA_GOTO_DONE(status, match_pairs(relations, check, sight, options, context));
+    for (int k = 0; k < check->count * check->count; k++) {
+        relations[k].used = false;
+    }
+    TSUYA_TRY(match_pairs(relations, check, sight, options, context));
     for (int i = 0; i < check->count; i++) {
         tsuya_checked_photo *p = &check->photo[i];
+        p->neighbours = p->strongest = 0;
+        p->same_as = -1;
         for (int j = 0; j < check->count; j++) {
             const relation *r = &relations[i * check->count + j];
+            if (!r->used) {
+                continue;
+            }
             p->neighbours += r->shared >= options->shared_features;
             p->strongest = r->shared > p->strongest ? r->shared : p->strongest;
             int fewer = p->features < check->photo[j].features ? p->features : check->photo[j].features;
@@ -226,11 +236,8 @@ tsuya_status tsuya_check_relations(tsuya_check *check, const tsuya_check_sight *
             p->same_as = same && p->same_as < 0 ? j : p->same_as;
         }
     }
-    TSUYA_GOTO_DONE(status, median_shared(check));
-    TSUYA_GOTO_DONE(status, set_gains(check, relations, options->shared_features));
-done:
-    tsuya_free(relations);
-    return status;
+    TSUYA_TRY(median_shared(check));
+    return set_gains(check, relations, options->shared_features);
 }
 
 static void judge_blur(tsuya_checked_photo *p, double session_px, const tsuya_check_options *o)
@@ -302,6 +309,7 @@ static double most_common(const double *value, int count)
 tsuya_status tsuya_check_verdicts(tsuya_check *check, const tsuya_check_options *options)
 {
     int edges = 0, n = 0;
+    check->again = 0;
     double *value = tsuya_calloc((size_t)check->count * 3, sizeof *value);
     if (!value) {
         return TSUYA_ERROR_MEMORY;

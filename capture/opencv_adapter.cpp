@@ -68,6 +68,33 @@ void match(tsuya_feature_pair *pairs, int *count, const tsuya_features *a, const
     }
 }
 
+cv::Point2d on_plane(const tsuya_features_view *view, int index)
+{
+    const cv::Point2f &p = view->features->place[static_cast<size_t>(index)].pt;
+    return {(static_cast<double>(p.x) - view->middle.x) / view->focal_px, (static_cast<double>(p.y) - view->middle.y) / view->focal_px};
+}
+
+void find_turn(tsuya_mat3 *turn, int *agreeing, const tsuya_features_view *a, const tsuya_features_view *b, const tsuya_feature_pair *pairs,
+               int count, double tolerance_px)
+{
+    std::vector<cv::Point2d> from, to;
+    for (int k = 0; k < count; k++) {
+        from.push_back(on_plane(a, pairs[k].a));
+        to.push_back(on_plane(b, pairs[k].b));
+    }
+    cv::Mat eye = cv::Mat::eye(3, 3, CV_64F), kept, rotation, way;
+    cv::Mat essential = cv::findEssentialMat(from, to, eye, cv::RANSAC, 0.999, tolerance_px / a->focal_px, kept);
+    if (essential.rows != 3) {
+        return;
+    }
+    *agreeing = cv::recoverPose(essential, from, to, eye, rotation, way, kept);
+    for (int r = 0; r < 3; r++) {
+        for (int c = 0; c < 3; c++) {
+            turn->e[r][c] = rotation.at<double>(r, c);
+        }
+    }
+}
+
 } // namespace
 
 tsuya_status tsuya_features_find(tsuya_features **features, const tsuya_image *grey, const tsuya_image *mask, int most, int threads)
@@ -121,5 +148,22 @@ tsuya_status tsuya_features_match(tsuya_feature_pair *pairs, int *count, const t
         return tsuya_fail(TSUYA_ERROR_NUMERIC, "OpenCV: matching: %.200s", error.what());
     } catch (...) {
         return tsuya_fail(TSUYA_ERROR_NUMERIC, "OpenCV: matching failed");
+    }
+}
+
+tsuya_status tsuya_features_turn(tsuya_mat3 *turn, int *agreeing, const tsuya_features_view *a, const tsuya_features_view *b,
+                                 const tsuya_feature_pair *pairs, int count, double tolerance_px)
+{
+    *agreeing = 0;
+    *turn = tsuya_mat3_identity();
+    try {
+        if (count >= 12) {
+            find_turn(turn, agreeing, a, b, pairs, count, tolerance_px);
+        }
+        return TSUYA_OK;
+    } catch (const std::exception &error) {
+        return tsuya_fail(TSUYA_ERROR_NUMERIC, "OpenCV: essential matrix: %.200s", error.what());
+    } catch (...) {
+        return tsuya_fail(TSUYA_ERROR_NUMERIC, "OpenCV: essential matrix failed");
     }
 }

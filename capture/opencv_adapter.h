@@ -2,6 +2,7 @@
 #ifndef TSUYA_CAPTURE_OPENCV_ADAPTER_H
 #define TSUYA_CAPTURE_OPENCV_ADAPTER_H
 
+#include "core/geometry.h"
 #include "core/image.h"
 
 #ifdef __cplusplus
@@ -23,6 +24,14 @@ typedef struct tsuya_feature_pair { int a, b; } tsuya_feature_pair;
  * `pairs`: room for the smaller of both counts. */
 TSUYA_MUST_CHECK TSUYA_INTERNAL tsuya_status tsuya_features_match(tsuya_feature_pair *pairs, int *count, const tsuya_features *a,
                                                                   const tsuya_features *b, double tolerance_px);
+
+/* A picture's features with its lens. */
+typedef struct tsuya_features_view { const tsuya_features *features; double focal_px; tsuya_vec2 middle; } tsuya_features_view;
+/* How the second camera is turned against the first: rotation of b_from_a out of the essential matrix of the matched pairs, and how many
+ * of them agree with it and lie before both cameras (0: no essential matrix). */
+TSUYA_MUST_CHECK TSUYA_INTERNAL tsuya_status tsuya_features_turn(tsuya_mat3 *turn, int *agreeing, const tsuya_features_view *a,
+                                                                 const tsuya_features_view *b, const tsuya_feature_pair *pairs, int count,
+                                                                 double tolerance_px);
 
 #ifdef __cplusplus
 }

@@ -6,27 +6,32 @@
 
 #include <math.h>
 
+/* Says both rates; none of the good may be accused, all of the spoilt must be. */
 static void report_wrong(const tsuya_check *check, const char *const *spoilt)
 {
-    int wrong = 0;
+    int wrong = 0, named = 0, spoilt_count = 0;
     for (int i = 0; i < check->count; i++) {
         const tsuya_checked_photo *p = &check->photo[i];
         bool expected = false;
         for (int k = 0; spoilt[k]; k++) {
             expected = expected || strcmp(p->photo.name, spoilt[k]) == 0;
         }
+        spoilt_count += expected;
+        named += expected && p->fault_count > 0;
         if (!expected && p->fault_count > 0) {
             print_error("%s: good, but accused: %s\n", p->photo.name, p->fault[0]);
             wrong++;
         }
     }
+    print_message("named %d of %d spoilt, accused %d of %d good\n", named, spoilt_count, wrong, check->count - spoilt_count);
     assert_int_equal(wrong, 0);
+    assert_int_equal(named, spoilt_count);
 }
 
 static void spoilt_photographs_of_a_jacket_are_named(void **state)
 {
     (void)state;
-    const char *from = test_data("garment/kermit_jacket"), *foreign = test_data("weave/kth_tips2_wool");
+    const char *from = test_data("garment/kermit_jacket");
     if (!from) {
         skip();
     }
@@ -57,7 +62,6 @@ static void spoilt_photographs_of_a_jacket_are_named(void **state)
         snprintf(to, sizeof to, "%s/kermit021.jpg", folder);
         fault_again(to, source);
     }
-    (void)foreign;
     tsuya_check check;
     tsuya_check_options options = tsuya_check_options_default();
     tsuya_context context = tsuya_context_default();
