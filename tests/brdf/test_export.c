@@ -1,8 +1,10 @@
-/* Exported files through readers that know nothing of the writer: the program's reader of RGL tensors, which inverts the warp of any file,
- * and the index arithmetic of MERL's paper. */
+/* Exported files through readers that know nothing of the writer: the lookup of a renderer written from the publication, the program's reader
+ * of RGL tensors, which inverts the warp of any file, and the index arithmetic of MERL's paper. */
 #include "brdf/export.h"
 #include "brdf/fit.h"
+#include "brdf/measured_bsdf.h"
 #include "brdf/samples.h"
+#include "core/context.h"
 #include "core/memory.h"
 #include "support.h"
 
@@ -32,6 +34,99 @@ static void test_rgl(void **state)
     assert_true(loss.cbrt < 0.02 && loss.de00_p95 < 2.0);
     tsuya_free(g);
     tsuya_samples_free(&s);
+    tsuya_material_free(m);
+}
+
+static tsuya_vec3 to_75_degrees(uint64_t stream, uint64_t k)
+{
+    double z = 0.26 + 0.74 * tsuya_random_uniform(21, stream, 2 * k), r = sqrt(1.0 - z * z), phi = 2.0 * M_PI * tsuya_random_uniform(21, stream, 2 * k + 1);
+    return (tsuya_vec3){r * cos(phi), r * sin(phi), z};
+}
+
+/* What a renderer sees of a file, against the material: e_cbrt over random pairs of directions. */
+static double seen_error(const measured_bsdf *b, const tsuya_material *m)
+{
+    enum { PAIRS = 2000 };
+    tsuya_samples s;
+    tsuya_material_info info = tsuya_material_get_info(m);
+    assert_ok(tsuya_samples_create(&s, PAIRS, info.channel_count, info.channel));
+    double *seen = tsuya_calloc((size_t)PAIRS * (size_t)info.channel_count, sizeof *seen);
+    assert_non_null(seen);
+    for (int k = 0; k < PAIRS; ++k) {
+        s.wi[k] = to_75_degrees(1, (uint64_t)k);
+        s.wo[k] = to_75_degrees(2, (uint64_t)k);
+        tsuya_material_eval(m, NULL, s.wi[k], s.wo[k], s.value + k * info.channel_count);
+        measured_bsdf_eval(seen + k * info.channel_count, b, s.wi[k], s.wo[k]);
+    }
+    double e = tsuya_samples_error(&s, seen, -1).cbrt;
+    tsuya_free(seen);
+    tsuya_samples_free(&s);
+    return e;
+}
+
+/* The lookup itself, on a real file: two readers that share no line agree at every node of a table whose warp is not the identity. */
+static void test_lookup_on_a_real_file(void **state)
+{
+    (void)state;
+    const char *path = test_data("brdf/rgl_container_example.bsdf");
+    if (!path) {
+        skip();
+    }
+    tsuya_samples s;
+    measured_bsdf *b = measured_bsdf_open(path);
+    assert_non_null(b);
+    assert_ok(tsuya_samples_load(&s, path));
+    double *seen = tsuya_calloc((size_t)s.count * 3, sizeof *seen);
+    assert_non_null(seen);
+    for (int k = 0; k < s.count; ++k) {
+        measured_bsdf_eval(seen + 3 * k, b, s.wi[k], s.wo[k]);
+        for (int c = 0; c < 3 && s.wi[k].z > 0.99999; ++c) { /* light along the normal has no azimuth to count from */
+            s.value[3 * k + c] = NAN;
+        }
+    }
+    double e = tsuya_samples_error(&s, seen, -1).cbrt;
+    print_message("a real file, read twice: e_cbrt %.2e over %d nodes\n", e, s.count);
+    assert_true(e < 1e-3);
+    tsuya_free(seen);
+    tsuya_samples_free(&s);
+    measured_bsdf_close(b);
+}
+
+/* A renderer draws by the file's luminance: f cosθo over that density is the albedo, give or take the table's steps. */
+static void assert_sampling_follows(const measured_bsdf *b)
+{
+    double sum = 0.0, square = 0.0;
+    int n = 0;
+    tsuya_vec3 wi = to_75_degrees(3, 1);
+    for (uint64_t k = 0; k < 200; ++k) {
+        double value[3];
+        tsuya_vec3 wo = to_75_degrees(4, k);
+        measured_bsdf_eval(value, b, wi, wo);
+        double weight = (value[0] + value[1] + value[2]) * wo.z / measured_bsdf_pdf(b, wi, wo);
+        sum += weight;
+        square += weight * weight;
+        n++;
+    }
+    double mean = sum / n, spread = sqrt(fmax(square / n - mean * mean, 0.0)) / mean;
+    print_message("sampling: mean weight %.3f, spread %.3f of it\n", mean, spread);
+    assert_true(spread < 0.1);
+}
+
+static void test_rgl_as_a_renderer_reads_it(void **state)
+{
+    (void)state;
+    tsuya_material *m = cloth(0.5, 0.25);
+    tsuya_export_loss loss;
+    assert_ok(tsuya_export_rgl(&loss, test_path("b.bsdf"), m));
+    measured_bsdf *b = measured_bsdf_open(test_path("b.bsdf"));
+    assert_non_null(b);
+    assert_int_equal(measured_bsdf_channels(b), 3);
+    assert_null(measured_bsdf_wavelengths(b));
+    double e = seen_error(b, m);
+    print_message("RGL: a renderer sees e_cbrt %.4f, stated %.4f\n", e, loss.cbrt);
+    assert_true(e < 1.5 * loss.cbrt + 1e-4);
+    assert_sampling_follows(b);
+    measured_bsdf_close(b);
     tsuya_material_free(m);
 }
 
@@ -77,6 +172,7 @@ static int teardown(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_rgl), cmocka_unit_test(test_merl)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_rgl), cmocka_unit_test(test_lookup_on_a_real_file), cmocka_unit_test(test_rgl_as_a_renderer_reads_it),
+                                       cmocka_unit_test(test_merl)};
     return cmocka_run_group_tests(tests, NULL, teardown);
 }
