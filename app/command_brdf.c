@@ -1,9 +1,9 @@
 /* tsuya brdf eval MATERIAL.json */
+#include "app/brdf_arguments.h"
 #include "app/command.h"
 #include "brdf/material.h"
 #include "core/file.h"
 #include "core/table.h"
-#include "render/render.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -29,22 +29,9 @@ static error_t parse_eval(int key, char *arg, struct argp_state *state)
     switch (key) {
     case KEY_COLOR:
         input->color = arg;
-        if (tsuya_render_parse_color(input->linear_rgb, arg) != TSUYA_OK) {
-            argp_error(state, "--color: %s", tsuya_reason());
-        }
+        tsuya_brdf_parse_color(input->linear_rgb, "--color", arg, state);
         return 0;
-    case ARGP_KEY_ARG:
-        if (input->material) {
-            argp_error(state, "'%s': one MATERIAL.json only", arg);
-        }
-        input->material = arg;
-        return 0;
-    case ARGP_KEY_END:
-        if (!input->material) {
-            argp_error(state, "MATERIAL.json is missing");
-        }
-        return 0;
-    default: return ARGP_ERR_UNKNOWN;
+    default: return tsuya_brdf_parse_material(&input->material, key, arg, state);
     }
 }
 

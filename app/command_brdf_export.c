@@ -1,4 +1,5 @@
 /* tsuya brdf export MATERIAL.json */
+#include "app/brdf_arguments.h"
 #include "app/command.h"
 #include "brdf/export.h"
 #include "core/file.h"
@@ -24,18 +25,7 @@ static error_t parse_export(int key, char *arg, struct argp_state *state)
         }
         input->output = arg;
         return 0;
-    case ARGP_KEY_ARG:
-        if (input->material) {
-            argp_error(state, "'%s': one MATERIAL.json only", arg);
-        }
-        input->material = arg;
-        return 0;
-    case ARGP_KEY_END:
-        if (!input->material) {
-            argp_error(state, "MATERIAL.json is missing");
-        }
-        return 0;
-    default: return ARGP_ERR_UNKNOWN;
+    default: return tsuya_brdf_parse_material(&input->material, key, arg, state);
     }
 }
 

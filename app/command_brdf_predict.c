@@ -1,10 +1,10 @@
 /* tsuya brdf predict */
+#include "app/brdf_arguments.h"
 #include "app/brdf_plot.h"
 #include "app/command.h"
 #include "brdf/fit.h"
 #include "brdf/predict.h"
 #include "core/file.h"
-#include "render/render.h"
 
 #include <math.h>
 #include <string.h>
@@ -31,13 +31,6 @@ static const struct argp_option predict_options[] = {
     {0},
 };
 
-static void parse_color(struct argp_state *state, double rgb[3], const char *option, const char *text)
-{
-    if (tsuya_render_parse_color(rgb, text) != TSUYA_OK) {
-        argp_error(state, "%s: %s", option, tsuya_reason());
-    }
-}
-
 static error_t parse_predict(int key, char *arg, struct argp_state *state)
 {
     predict_input *input = state->input;
@@ -50,8 +43,8 @@ static error_t parse_predict(int key, char *arg, struct argp_state *state)
     case KEY_SPREAD: warp->along_deg = tsuya_argument_number(state, "--spread", arg, 0.5, 60.0); return 0;
     case KEY_TURN: warp->turn_deg = tsuya_argument_number(state, "--turn", arg, 0.5, 180.0); return 0;
     case KEY_INDEX: warp->eta = tsuya_argument_number(state, "--index", arg, 1.01, 4.0); return 0;
-    case KEY_METAL: parse_color(state, warp->metal, "--metal", arg); return 0;
-    case KEY_COLOR: parse_color(state, input->options.dye, "--color", arg); return 0;
+    case KEY_METAL: tsuya_brdf_parse_color(warp->metal, "--metal", arg, state); return 0;
+    case KEY_COLOR: tsuya_brdf_parse_color(input->options.dye, "--color", arg, state); return 0;
     case KEY_NAME: input->options.name = arg; return 0;
     case 'o': input->output = arg; return 0;
     case ARGP_KEY_ARG:
