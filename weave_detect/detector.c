@@ -54,11 +54,10 @@ void tsuya_detector_free(tsuya_detector *d)
 /* Threads run at right angles to their frequency; y up. */
 static double thread_angle(const double f[2]) { return tsuya_line_wrap(atan2(f[0], f[1])); }
 
-static bool same_threads(const double p[2][2], const double q[2][2])
+static bool same_angles(const double p[2], const double q[2])
 {
-    double pa = thread_angle(p[0]), pb = thread_angle(p[1]), qa = thread_angle(q[0]), qb = thread_angle(q[1]);
-    double straight = fmax(tsuya_line_difference(pa, qa), tsuya_line_difference(pb, qb));
-    double swapped = fmax(tsuya_line_difference(pa, qb), tsuya_line_difference(pb, qa));
+    double straight = fmax(tsuya_line_difference(p[0], q[0]), tsuya_line_difference(p[1], q[1]));
+    double swapped = fmax(tsuya_line_difference(p[0], q[1]), tsuya_line_difference(p[1], q[0]));
     return fmin(straight, swapped) < SAME_RAD;
 }
 
@@ -67,15 +66,20 @@ static bool same_threads(const double p[2][2], const double q[2][2])
 /* The angle pair of highest probability; `best` its likeliest basis. */
 static double choose(const tsuya_bases *bases, int *best)
 {
-    double highest = 0.0;
+    double highest = 0.0, angle[TSUYA_BASES][2];
     *best = -1;
+    for (int i = 0; i < bases->count; i++) {
+        for (int k = 0; k < 2; k++) {
+            angle[i][k] = bases->basis[i].probability > 1e-4f ? thread_angle(bases->basis[i].f[k]) : 0.0;
+        }
+    }
     for (int i = 0; i < bases->count; i++) {
         double sum = 0.0;
         if ((double)bases->basis[i].probability < 0.02 * highest) {
             continue;
         }
         for (int j = 0; j < bases->count; j++) {
-            bool alike = bases->basis[j].probability > 1e-4f && same_threads(FREQUENCIES(&bases->basis[i]), FREQUENCIES(&bases->basis[j]));
+            bool alike = bases->basis[j].probability > 1e-4f && same_angles(angle[i], angle[j]);
             sum += alike ? (double)bases->basis[j].probability : 0.0;
         }
         bool likelier = *best < 0 || sum > highest * 1.0001 || (sum > highest * 0.9999 && bases->basis[i].probability > bases->basis[*best].probability);
@@ -165,6 +169,10 @@ static void keep_alternative(tsuya_finding *finding, const tsuya_basis *b)
         tsuya_alternative *a = &finding->alternative[place];
         *a = (tsuya_alternative){.probability = b->probability, .margin = b->feature[TSUYA_FEATURE_MARGIN], .step = b->step};
         memcpy(a->f, b->f, sizeof a->f);
+        for (int k = 0; k < 2; k++) {
+            a->angle_rad[k] = thread_angle(b->f[k]);
+            a->length[k] = hypot(b->f[k][0], b->f[k][1]);
+        }
     }
 }
 
@@ -172,6 +180,7 @@ void tsuya_detector_find(tsuya_detector *d, tsuya_finding *finding, const float 
 {
     finding->count = 0;
     finding->none_probability = 1.0f;
+    finding->belief = 0.0f;
     finding->empty = !tsuya_spectrum_run(d->spectrum, values) || d->spectrum->peak_count == 0 || d->spectrum->peak[0].level < LONE_LEVEL;
     if (finding->empty) {
         return;
@@ -188,16 +197,17 @@ void tsuya_detector_find(tsuya_detector *d, tsuya_finding *finding, const float 
         tsuya_alternative *a = &finding->alternative[k];
         a->point_count = tsuya_refine_points(a->point, TSUYA_TONES, d->spectrum, a->step, FREQUENCIES(a));
     }
+    tsuya_finding_believe(finding);
 }
 
-double tsuya_finding_belief(const tsuya_finding *finding)
+void tsuya_finding_believe(tsuya_finding *finding)
 {
+    const tsuya_alternative *list = finding->alternative;
     double sum = 0.0;
     for (int k = 0; k < finding->count; k++) {
-        bool alike = same_threads(FREQUENCIES(&finding->alternative[0]), FREQUENCIES(&finding->alternative[k]));
-        sum += alike ? (double)finding->alternative[k].probability : 0.0;
+        sum += same_angles(list[0].angle_rad, list[k].angle_rad) ? (double)list[k].probability : 0.0;
     }
-    return finding->none_probability < NONE ? fmin(sum, 1.0) : 0.0;
+    finding->belief = finding->none_probability < NONE ? (float)fmin(sum, 1.0) : 0.0f;
 }
 
 /* The likeliest alternative on the patch; false where the patch does not hold its share of it. */
@@ -214,14 +224,15 @@ static bool follow(tsuya_detector *d, tsuya_threads *threads, const tsuya_findin
         double f[2][2];
         memcpy(f, refined.f, sizeof f);
         int count = round + 1 < FOLLOW_ROUNDS && a->point_count > TSUYA_TONES_FIRST ? TSUYA_TONES_FIRST : a->point_count; /* they are sorted */
-        if (!tsuya_refine_at(&refined, d->refiner, d->spectrum, (const double(*)[2])f, a->point, count)) {
+        if (!tsuya_refine_at(&refined, d->refiner, (const double(*)[2])f, a->point, count)) {
             return false;
         }
     }
-    if (refined.power < SHARE_LEAST * want || !same_threads(FREQUENCIES(a), FREQUENCIES(&refined))) {
+    const double angle[2] = {thread_angle(refined.f[0]), thread_angle(refined.f[1])};
+    if (refined.power < SHARE_LEAST * want || !same_angles(a->angle_rad, angle)) {
         return false;
     }
-    set_threads(threads, &refined, tsuya_finding_belief(finding), a->step, (double)a->margin);
+    set_threads(threads, &refined, (double)finding->belief, a->step, (double)a->margin);
     return true;
 }
 
@@ -236,6 +247,7 @@ void tsuya_detector_follow(tsuya_detector *d, tsuya_threads *threads, const tsuy
         return;
     }
     tsuya_flow(threads, d->spectrum->detrended, d->n);
+    tsuya_refine_begin(d->refiner, d->spectrum);
     for (int k = 0; k < count && !followed && !empty; k++) {
         followed = finding[k]->count > 0 && finding[k]->none_probability < NONE && follow(d, threads, finding[k]);
     }

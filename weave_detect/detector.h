@@ -24,6 +24,7 @@ enum { TSUYA_ALTERNATIVES = 6 };
 
 typedef struct tsuya_alternative {
     double f[2][2];
+    double angle_rad[2], length[2]; /* along the threads; of f */
     float probability, margin; /* margin: how far its step is ahead of the next one */
     int step, point_count;
     tsuya_lattice_point point[TSUYA_TONES];
@@ -33,13 +34,14 @@ typedef struct tsuya_finding {
     tsuya_alternative alternative[TSUYA_ALTERNATIVES]; /* the likeliest first */
     int count;
     float none_probability;
+    float belief; /* probability of the likeliest alternative's angles; 0 where none is likeliest */
     bool empty; /* nothing stands above the noise */
 } tsuya_finding;
 
 void tsuya_detector_find(tsuya_detector *detector, tsuya_finding *finding, const float *values);
 
-/* The probability of the likeliest alternative's angles; 0 where none is likeliest. */
-double tsuya_finding_belief(const tsuya_finding *finding);
+/* Sets `belief`, for whoever changes probabilities. */
+void tsuya_finding_believe(tsuya_finding *finding);
 
 /* The patch's threads, given what windows around it found, the best suited first.  Where the patch does not show them, or no window knows,
  * the patch is looked at alone. */

@@ -92,7 +92,7 @@ static int choose_windows(const tsuya_finding *best[2], const patch_job *job, in
         for (int i = 0; i < across; i++) {
             const tsuya_finding *f = &job->finding[(size_t)rows[j] * (size_t)job->window_columns + (size_t)columns[i]];
             int place = count < 2 ? count++ : 2;
-            while (place > 0 && tsuya_finding_belief(f) > tsuya_finding_belief(best[place - 1])) {
+            while (place > 0 && f->belief > best[place - 1]->belief) {
                 if (place < 2) {
                     best[place] = best[place - 1];
                 }

@@ -9,10 +9,9 @@ enum { REACH = 2 };
 static const double ALIKE_RAD = 8.0 * M_PI / 180.0, ALIKE_PERIOD = 0.15;
 static const double STRANGER = 0.08; /* the weight of an alternative that no neighbour has */
 
-static bool is_alike(const double f[2], const double g[2])
+static bool is_alike(const tsuya_alternative *a, int i, const tsuya_alternative *b, int j)
 {
-    double miss = tsuya_line_difference(atan2(f[0], f[1]), atan2(g[0], g[1]));
-    return miss < ALIKE_RAD && fabs(hypot(f[0], f[1]) / hypot(g[0], g[1]) - 1.0) < ALIKE_PERIOD;
+    return fabs(a->length[i] - b->length[j]) < ALIKE_PERIOD * b->length[j] && tsuya_line_difference(a->angle_rad[i], b->angle_rad[j]) < ALIKE_RAD;
 }
 
 static double support(const tsuya_alternative *a, const tsuya_finding *other)
@@ -20,7 +19,7 @@ static double support(const tsuya_alternative *a, const tsuya_finding *other)
     double sum = 0.0;
     for (int k = 0; k < other->count; k++) {
         const tsuya_alternative *b = &other->alternative[k];
-        bool alike = (is_alike(a->f[0], b->f[0]) && is_alike(a->f[1], b->f[1])) || (is_alike(a->f[0], b->f[1]) && is_alike(a->f[1], b->f[0]));
+        bool alike = (is_alike(a, 0, b, 0) && is_alike(a, 1, b, 1)) || (is_alike(a, 0, b, 1) && is_alike(a, 1, b, 0));
         sum += alike ? (double)b->probability : 0.0;
     }
     return sum;
@@ -85,6 +84,7 @@ tsuya_status tsuya_findings_pool(tsuya_finding *list, int columns, int rows)
         }
         list[i].none_probability = probability[ROW * i + TSUYA_ALTERNATIVES];
         sort(&list[i]);
+        tsuya_finding_believe(&list[i]);
     }
     tsuya_free(probability);
     return TSUYA_OK;

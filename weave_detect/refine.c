@@ -50,6 +50,7 @@ tsuya_status tsuya_refiner_create(tsuya_refiner **refiner, int n)
     TSUYA_NEW(status, r->window, (size_t)n);
     TSUYA_NEW(status, r->plain, (size_t)n * (size_t)n);
     TSUYA_NEW(status, r->wave, 4 * (size_t)n);
+    TSUYA_NEW(status, r->column, 4 * (size_t)n);
     TSUYA_NEW(status, r->transform, 2 * ((size_t)n * TSUYA_WINDOW_STEPS + 2));
     double xx = 0.0;
     for (int i = 0; i < n; i++) {
@@ -75,6 +76,7 @@ void tsuya_refiner_free(tsuya_refiner *r)
         tsuya_free(r->window);
         tsuya_free(r->plain);
         tsuya_free(r->wave);
+        tsuya_free(r->column);
         tsuya_free(r->transform);
         tsuya_free(r);
     }
@@ -119,9 +121,10 @@ int tsuya_refine_points(tsuya_lattice_point *list, int most, const tsuya_spectru
     return count;
 }
 
+/* cos, sin, and both times the distance from the middle, of −2πf·x: 4 × n. */
 static void set_wave(float *wave, double f, int n)
 {
-    double c = cos(2.0 * M_PI * f), s = sin(2.0 * M_PI * f), phase = -2.0 * M_PI * f * 0.5 * (n - 1), re = cos(phase), im = sin(phase);
+    double c = cos(2.0 * M_PI * f), s = -sin(2.0 * M_PI * f), phase = M_PI * f * (n - 1), re = cos(phase), im = sin(phase);
     for (int x = 0; x < n; x++) {
         float from_middle = (float)(x - 0.5 * (n - 1));
         wave[x] = (float)re;
@@ -134,55 +137,55 @@ static void set_wave(float *wave, double f, int n)
     }
 }
 
-/* Σ over a row of w·r·{cos, sin, x·cos, x·sin}, in eight lanes. */
-TSUYA_CLONES("avx2", "default") static void correlate_row(float sum[4], const float *restrict row, const float *restrict wave,
-                                                                            int n)
+/* Eight columns side by side; written out, as loops over them are taken apart otherwise. */
+typedef float eight __attribute__((vector_size(32)));
+
+/* Σ over the rows of each column's value times {cos, sin, y·cos, y·sin}: 4 × n. */
+TSUYA_CLONES("avx2", "default") static void correlate_columns(float *restrict sum, const float *restrict values, const float *restrict wave, int n)
 {
-    float lane[4][8] = {{0}};
-    int x = 0;
-    for (; x + 8 <= n; x += 8) {
-        for (int k = 0; k < 8; k++) {
-            float v = row[x + k];
-            lane[0][k] += v * wave[x + k];
-            lane[1][k] += v * wave[n + x + k];
-            lane[2][k] += v * wave[2 * n + x + k];
-            lane[3][k] += v * wave[3 * n + x + k];
+    int whole = n - n % 8;
+    for (int x = 0; x < whole; x += 8) {
+        eight c = {0}, s = {0}, yc = {0}, ys = {0}, v;
+        for (int y = 0; y < n; y++) {
+            memcpy(&v, values + (size_t)y * (size_t)n + x, sizeof v);
+            c += v * wave[y];
+            s += v * wave[n + y];
+            yc += v * wave[2 * n + y];
+            ys += v * wave[3 * n + y];
         }
+        memcpy(sum + x, &c, sizeof c);
+        memcpy(sum + n + x, &s, sizeof s);
+        memcpy(sum + 2 * n + x, &yc, sizeof yc);
+        memcpy(sum + 3 * n + x, &ys, sizeof ys);
     }
-    for (; x < n; x++) {
+    for (int x = whole; x < n; x++) {
         for (int q = 0; q < 4; q++) {
-            lane[q][0] += row[x] * wave[q * n + x];
+            sum[q * n + x] = 0.0f;
+            for (int y = 0; y < n; y++) {
+                sum[q * n + x] += values[(size_t)y * (size_t)n + x] * wave[q * n + y];
+            }
         }
-    }
-    for (int q = 0; q < 4; q++) {
-        const float *l = lane[q];
-        sum[q] = ((l[0] + l[4]) + (l[1] + l[5])) + ((l[2] + l[6]) + (l[3] + l[7]));
     }
 }
 
 static void correlate(tone *t, tsuya_refiner *r)
 {
     int n = r->n;
-    double step_c = cos(2.0 * M_PI * t->fy), step_s = sin(2.0 * M_PI * t->fy), phase = -M_PI * t->fy * (n - 1), c = cos(phase), s = sin(phase);
-    double *m = t->raw;
+    double m[6] = {0.0};
+    const float *c = r->column, *s = c + n, *yc = c + 2 * n, *ys = c + 3 * n, *wave = r->wave;
+    set_wave(r->wave, t->fy, n);
+    correlate_columns(r->column, r->plain, r->wave, n);
     set_wave(r->wave, t->fx, n);
-    memset(m, 0, sizeof t->raw);
-    for (int y = 0; y < n; y++) {
-        float sum[4];
-        correlate_row(sum, r->plain + (size_t)y * (size_t)n, r->wave, n);
-        double from_middle = y - 0.5 * (n - 1);
-        /* e^{−i(φx + φy)} = (cos φx − i sin φx)(c − i s) */
-        double re = (double)sum[0] * c - (double)sum[1] * s, im = -(double)sum[0] * s - (double)sum[1] * c;
+    for (int x = 0; x < n; x++) { /* (cos φx + i sin φx)(C + i S) */
+        double re = (double)(wave[x] * c[x] - wave[n + x] * s[x]), im = (double)(wave[x] * s[x] + wave[n + x] * c[x]);
         m[0] += re;
         m[1] += im;
-        m[2] += (double)sum[2] * c - (double)sum[3] * s;
-        m[3] += -(double)sum[2] * s - (double)sum[3] * c;
-        m[4] += from_middle * re;
-        m[5] += from_middle * im;
-        double next = c * step_c - s * step_s;
-        s = c * step_s + s * step_c;
-        c = next;
+        m[2] += (double)(wave[2 * n + x] * c[x] - wave[3 * n + x] * s[x]);
+        m[3] += (double)(wave[2 * n + x] * s[x] + wave[3 * n + x] * c[x]);
+        m[4] += (double)(wave[x] * yc[x] - wave[n + x] * ys[x]);
+        m[5] += (double)(wave[x] * ys[x] + wave[n + x] * yc[x]);
     }
+    memcpy(t->raw, m, sizeof t->raw);
 }
 
 /* The window's transform at a frequency difference along one axis: even part, and (over i) that of x·window. */
@@ -198,56 +201,88 @@ static void window_transform(double out[2], const tsuya_refiner *r, double f)
     out[1] = sign * ((double)p[1] + u * (double)(p[3] - p[1]));
 }
 
-/* What a tone of amplitude `re + i im` at a frequency difference d adds to another's moments. */
-static void leak(double m[6], const tsuya_refiner *r, double re, double im, double dx, double dy)
+/* What a tone of amplitude 1 at a frequency difference adds to another's moments: plain, and over i along x and y. */
+typedef struct leak {
+    float plain, along_x, along_y;
+} leak;
+
+typedef struct leaks {
+    leak own[TSUYA_TONES][TSUYA_TONES], mirror[TSUYA_TONES][TSUYA_TONES]; /* [to][from] */
+} leaks;
+
+static leak leak_at(const tsuya_refiner *r, double dx, double dy)
 {
     double x[2], y[2];
     window_transform(x, r, dx);
     window_transform(y, r, dy);
-    double plain = x[0] * y[0], along_x = x[1] * y[0], along_y = x[0] * y[1];
-    m[0] += re * plain;
-    m[1] += im * plain;
-    m[2] -= im * along_x; /* i times the odd part */
-    m[3] += re * along_x;
-    m[4] -= im * along_y;
-    m[5] += re * along_y;
+    return (leak){(float)(x[0] * y[0]), (float)(x[1] * y[0]), (float)(x[0] * y[1])};
+}
+
+static void set_leaks(leaks *out, const tsuya_refiner *r, const tone *list, int count)
+{
+    for (int t = 0; t < count; t++) {
+        out->own[t][t] = (leak){0};
+        for (int u = t; u < count; u++) {
+            if (u > t) {
+                leak l = leak_at(r, list[u].fx - list[t].fx, list[u].fy - list[t].fy);
+                out->own[t][u] = l;
+                out->own[u][t] = (leak){l.plain, -l.along_x, -l.along_y};
+            }
+            out->mirror[t][u] = out->mirror[u][t] = leak_at(r, -list[u].fx - list[t].fx, -list[u].fy - list[t].fy);
+        }
+    }
 }
 
 /* Moments of tone `t` without what all tones leak into it; its own mirror is one of them. */
-static void clean_moments(double m[6], const tsuya_refiner *r, const tone *list, int count, int t)
+static void clean_moments(double m[6], const leaks *all, const tone *list, int count, int t)
 {
-    double leaked[6] = {0};
+    memcpy(m, list[t].raw, 6 * sizeof *m);
     for (int u = 0; u < count; u++) {
-        if (u != t) {
-            leak(leaked, r, list[u].re, list[u].im, list[u].fx - list[t].fx, list[u].fy - list[t].fy);
-        }
-        leak(leaked, r, list[u].re, -list[u].im, -list[u].fx - list[t].fx, -list[u].fy - list[t].fy);
+        const leak *own = &all->own[t][u], *mirror = &all->mirror[t][u];
+        double re = list[u].re, im = list[u].im, even = (double)(own->plain + mirror->plain), odd = (double)(own->plain - mirror->plain);
+        m[0] -= re * even;
+        m[1] -= im * odd;
+        m[2] += im * (double)(own->along_x - mirror->along_x); /* i times the odd part */
+        m[3] -= re * (double)(own->along_x + mirror->along_x);
+        m[4] += im * (double)(own->along_y - mirror->along_y);
+        m[5] -= re * (double)(own->along_y + mirror->along_y);
     }
-    for (int k = 0; k < 6; k++) {
-        m[k] = list[t].raw[k] - leaked[k];
+}
+
+/* The amplitude alone. */
+static void clean_amplitude(double m[2], const leaks *all, const tone *list, int count, int t)
+{
+    m[0] = list[t].raw[0];
+    m[1] = list[t].raw[1];
+    for (int u = 0; u < count; u++) {
+        double own = (double)all->own[t][u].plain, mirror = (double)all->mirror[t][u].plain;
+        m[0] -= list[u].re * (own + mirror);
+        m[1] -= list[u].im * (own - mirror);
     }
 }
 
 /* Amplitudes, by Gauss–Seidel on the leaks; then each tone's own frequency, one Gauss–Newton step from where it was looked at. */
 static int measure_tones(tone *list, int count, tsuya_refiner *r)
 {
+    leaks all;
     double m[6], bin = 1.0 / r->n;
     for (int t = 0; t < count; t++) {
         correlate(&list[t], r);
         list[t].re = list[t].raw[0] / r->sum;
         list[t].im = list[t].raw[1] / r->sum;
     }
+    set_leaks(&all, r, list, count);
     for (int round = 0; round < 2; round++) {
         for (int t = 0; t < count; t++) {
-            clean_moments(m, r, list, count, t);
+            clean_amplitude(m, &all, list, count, t);
             list[t].re = m[0] / r->sum;
             list[t].im = m[1] / r->sum;
         }
     }
     double step[TSUYA_TONES][2];
     for (int t = 0; t < count; t++) {
+        clean_moments(m, &all, list, count, t);
         double power = list[t].re * list[t].re + list[t].im * list[t].im, scale = 2.0 * M_PI * power * r->sum_xx;
-        clean_moments(m, r, list, count, t);
         /* d/df of A e^{iφ} is 2πi x A e^{iφ}: df = Im(conj(A) M_x) / (2π |A|² Σ w x²) */
         step[t][0] = (list[t].re * m[3] - list[t].im * m[2]) / scale;
         step[t][1] = (list[t].re * m[5] - list[t].im * m[4]) / scale;
@@ -389,8 +424,7 @@ static void measure_smear(double smear[2], double *scatter, const double f[2][2]
     *scatter = sqrt(sum / count);
 }
 
-/* The patch under the window; Σ w v². */
-static double put_window(tsuya_refiner *r, const tsuya_spectrum *s)
+void tsuya_refine_begin(tsuya_refiner *r, const tsuya_spectrum *s)
 {
     double energy = 0.0;
     int n = r->n;
@@ -400,12 +434,14 @@ static double put_window(tsuya_refiner *r, const tsuya_spectrum *s)
         for (int x = 0; x < n; x++) {
             out[x] = v[x] * wy * r->window[x];
         }
-        for (int x = 0; x < n; x++) {
-            lane[x & 7] += out[x] * v[x];
+        for (int x = 0; x < n; x += 8) {
+            for (int k = 0; k < 8 && x + k < n; k++) {
+                lane[k] += out[x + k] * v[x + k];
+            }
         }
         energy += (double)(((lane[0] + lane[4]) + (lane[1] + lane[5])) + ((lane[2] + lane[6]) + (lane[3] + lane[7])));
     }
-    return energy;
+    r->energy = energy;
 }
 
 static void set_sigmas(tsuya_refined *out, double inverse[4][4])
@@ -417,10 +453,10 @@ static void set_sigmas(tsuya_refined *out, double inverse[4][4])
     }
 }
 
-bool tsuya_refine_at(tsuya_refined *out, tsuya_refiner *r, const tsuya_spectrum *s, const double f[2][2], const tsuya_lattice_point *point, int count)
+bool tsuya_refine_at(tsuya_refined *out, tsuya_refiner *r, const double f[2][2], const tsuya_lattice_point *point, int count)
 {
     tone list[TSUYA_TONES];
-    double inverse[4][4], smear[2] = {0.0, 0.0}, energy = put_window(r, s);
+    double inverse[4][4], smear[2] = {0.0, 0.0};
     *out = (tsuya_refined){.sigma_rad = {0.05, 0.05}};
     memcpy(out->f, f, sizeof out->f);
     for (int t = 0; t < count; t++) {
@@ -431,7 +467,7 @@ bool tsuya_refine_at(tsuya_refined *out, tsuya_refiner *r, const tsuya_spectrum 
     if (count < 2) {
         return false;
     }
-    double variance = left_variance(list, count, energy, r->sum), tone_variance = variance / (8.0 * M_PI * M_PI * r->sum_xx);
+    double variance = left_variance(list, count, r->energy, r->sum), tone_variance = variance / (8.0 * M_PI * M_PI * r->sum_xx);
     for (int pass = 0; pass < 4; pass++) {
         if (!solve_lattice(out->f, inverse, list, count, tone_variance, smear)) {
             memcpy(out->f, f, sizeof out->f);
@@ -455,12 +491,13 @@ bool tsuya_refine(tsuya_refined *out, tsuya_refiner *r, const tsuya_spectrum *s,
 {
     *out = (tsuya_refined){.sigma_rad = {0.05, 0.05}};
     memcpy(out->f, b->f, sizeof out->f);
+    tsuya_refine_begin(r, s);
     for (int round = 0; round < rounds; round++) {
         tsuya_lattice_point point[TSUYA_TONES];
         double f[2][2];
         memcpy(f, out->f, sizeof f);
         int count = tsuya_refine_points(point, round + 1 < rounds ? TSUYA_TONES_FIRST : TSUYA_TONES, s, b->step, (const double(*)[2])f);
-        if (!tsuya_refine_at(out, r, s, (const double(*)[2])f, point, count)) {
+        if (!tsuya_refine_at(out, r, (const double(*)[2])f, point, count)) {
             memcpy(out->f, b->f, sizeof out->f);
             return false;
         }
@@ -471,7 +508,7 @@ bool tsuya_refine(tsuya_refined *out, tsuya_refiner *r, const tsuya_spectrum *s,
 bool tsuya_refine_single(double f[2], double *sigma_rad, tsuya_refiner *r, const tsuya_spectrum *s, int rounds)
 {
     const double start[2] = {f[0], f[1]};
-    double energy = put_window(r, s);
+    tsuya_refine_begin(r, s);
     *sigma_rad = 0.05;
     for (int round = 0; round < rounds; round++) {
         tone list[3];
@@ -496,7 +533,7 @@ bool tsuya_refine_single(double f[2], double *sigma_rad, tsuya_refiner *r, const
         }
         f[0] = x / weight;
         f[1] = y / weight;
-        double variance = left_variance(list, count, energy, r->sum);
+        double variance = left_variance(list, count, r->energy, r->sum);
         *sigma_rad = sqrt(variance / (8.0 * M_PI * M_PI * r->sum_xx * weight)) / hypot(f[0], f[1]);
     }
     return true;

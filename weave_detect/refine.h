@@ -19,9 +19,11 @@ enum { TSUYA_TONES = 28, TSUYA_TONES_FIRST = 10, TSUYA_WINDOW_STEPS = 32 };
 typedef struct tsuya_refiner {
     int n;
     float *window, *plain;   /* n; n × n: the patch under the window */
-    float *wave;             /* cos, sin, x·cos, x·sin of a row, 4 × n */
+    float *wave;             /* cos, sin, x·cos, x·sin along an axis, 4 × n */
+    float *column;           /* what the columns sum up to under it, 4 × n */
     float *transform;        /* of the window, and of x·window: 2 a step of 1/(n · WINDOW_STEPS), from 0 to 1 */
     double sum, sum_xx;      /* Σ w, Σ w x² over the patch, x from the middle */
+    double energy;           /* Σ w v² */
 } tsuya_refiner;
 
 TSUYA_MUST_CHECK tsuya_status tsuya_refiner_create(tsuya_refiner **refiner, int n);
@@ -43,10 +45,10 @@ typedef struct tsuya_lattice_point {
 
 /* The points that carry most information about the frequencies; at most `most`. */
 int tsuya_refine_points(tsuya_lattice_point *point, int most, const tsuya_spectrum *spectrum, int step, const double f[2][2]);
-/* One round of Gauss–Newton on the given points from frequencies `f`; of the spectrum only `detrended` is used.  False where the fit
- * loses its points. */
-bool tsuya_refine_at(tsuya_refined *refined, tsuya_refiner *refiner, const tsuya_spectrum *spectrum, const double f[2][2], const tsuya_lattice_point *point,
-                     int count);
+/* Takes the patch of the spectrum; only `detrended` is used. */
+void tsuya_refine_begin(tsuya_refiner *refiner, const tsuya_spectrum *spectrum);
+/* After that: one round of Gauss–Newton on the given points from frequencies `f`.  False where the fit loses its points. */
+bool tsuya_refine_at(tsuya_refined *refined, tsuya_refiner *refiner, const double f[2][2], const tsuya_lattice_point *point, int count);
 
 /* `rounds` of Gauss–Newton: 1 is enough; the last looks at all points, those before at the strongest.  0: the basis as it came.  False where
  * the fit loses its points; `refined` then holds the basis as it came. */

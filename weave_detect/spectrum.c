@@ -381,12 +381,17 @@ static void find_peaks(tsuya_spectrum *s)
 
 static void sum_directions(tsuya_spectrum *s)
 {
-    float sum[TSUYA_DIRECTIONS] = {0}, all = 1e-20f;
-    int count = s->ring_start[s->ring_count];
-    for (int k = 0; k < count; k++) {
-        int i = s->order[k];
-        float above = s->power[i] - s->noise[s->ring[i]];
-        sum[s->direction[i]] += above > 0.0f ? above * s->steepness[i] : 0.0f;
+    float sum[TSUYA_DIRECTIONS] = {0}, other[TSUYA_DIRECTIONS] = {0}, all = 1e-20f; /* by turns, so that one does not wait for the other */
+    for (int r = 0; r < s->ring_count; r++) {
+        float noise = s->noise[r];
+        for (int k = s->ring_start[r]; k < s->ring_start[r + 1]; k++) {
+            int i = s->order[k];
+            float above = s->power[i] - noise;
+            (k & 1 ? other : sum)[s->direction[i]] += above > 0.0f ? above * s->steepness[i] : 0.0f;
+        }
+    }
+    for (int d = 0; d < TSUYA_DIRECTIONS; d++) {
+        sum[d] += other[d];
     }
     for (int d = 0; d < TSUYA_DIRECTIONS; d++) {
         int before = (d + TSUYA_DIRECTIONS - 1) % TSUYA_DIRECTIONS, after = (d + 1) % TSUYA_DIRECTIONS;
@@ -419,6 +424,12 @@ float tsuya_spectrum_level(const tsuya_spectrum *s, double fx, double fy)
         return 0.0f;
     }
     return s->level[bin_index(s, (int)lrint(fx * s->size), (int)lrint(fy * s->size))];
+}
+
+float tsuya_spectrum_noise(const tsuya_spectrum *s, double fx, double fy)
+{
+    int ring = s->ring[bin_index(s, (int)lrint(fx * s->size), (int)lrint(fy * s->size))];
+    return s->noise[ring < 0 ? 0 : ring];
 }
 
 float tsuya_spectrum_power(const tsuya_spectrum *s, double fx, double fy)

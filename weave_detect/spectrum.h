@@ -49,6 +49,9 @@ float tsuya_spectrum_energy(const tsuya_spectrum *spectrum, double fx, double fy
 /* The level at the bin nearest to a frequency; 0 beyond what pixels carry and near frequency 0. */
 float tsuya_spectrum_level(const tsuya_spectrum *spectrum, double fx, double fy);
 
+/* Mean power of the noise in a frequency's ring. */
+float tsuya_spectrum_noise(const tsuya_spectrum *spectrum, double fx, double fy);
+
 /* Amplitude² of the strongest wave (as re² + im² of A in 2·Re A e^{iφ}) within a bin of a frequency that pixels carry. */
 float tsuya_spectrum_power(const tsuya_spectrum *spectrum, double fx, double fy);
 
