@@ -1,5 +1,8 @@
 #include "app/truth.h"
 
+#include "brdf/fit.h"
+#include "brdf/material.h"
+#include "brdf/samples.h"
 #include "core/camera.h"
 #include "core/file.h"
 #include "core/mesh.h"
@@ -15,6 +18,7 @@ typedef struct comparison {
     tsuya_mesh mesh, true_mesh; /* `mesh` moved into the truth's frame */
     tsuya_similarity truth_from_job;
     double gsd_m;
+    bool metric; /* the job has a scale of its own */
 } comparison;
 
 static int compare_double(const void *a, const void *b)
@@ -62,7 +66,7 @@ static tsuya_status align(comparison *c, tsuya_json *figures, double gsd_job)
     }
     c->gsd_m = gsd_job * c->truth_from_job.scale;
     tsuya_json_set_number(figures, "focal_rel", fabs(focal / true_focal - 1.0));
-    tsuya_json_set_null(figures, "scale_rel");
+    tsuya_json_set_number(figures, "scale_rel", c->metric ? fabs(c->truth_from_job.scale - 1.0) : NAN);
     tsuya_json_set_number(figures, "camera_center_gsd", rms / c->gsd_m);
 done:
     tsuya_free(own);
@@ -225,6 +229,35 @@ static void rerender_error(tsuya_json *figures, const tsuya_json *render)
     tsuya_json_set_number(pair, "p95", tsuya_json_number_or(tsuya_json_member(de00, "p95"), NAN));
 }
 
+/* The material of a job that measured one, on directions that no reading has. */
+static tsuya_status table_error(double *error, const tsuya_job *job, const char *truth_folder)
+{
+    tsuya_material *material = NULL;
+    tsuya_samples samples = {0};
+    tsuya_status status = TSUYA_OK;
+    double *predicted = NULL;
+    const char *path = tsuya_stage_material_path(job, false), *table = tsuya_arena_printf(job->arena, "%s/reflectance.csv", truth_folder);
+    *error = NAN;
+    if (!path || !table) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    if (job->materials.count == 0 || !tsuya_job_material_at(job, 0)->samples || !tsuya_path_exists(table)) {
+        return TSUYA_OK;
+    }
+    TSUYA_GOTO_DONE(status, tsuya_material_load(&material, path));
+    TSUYA_GOTO_DONE(status, tsuya_samples_load(&samples, table));
+    if (tsuya_material_get_info(material).channel_count == samples.channel_count) {
+        TSUYA_NEW(status, predicted, (size_t)samples.count * (size_t)samples.channel_count);
+        tsuya_material_predict(predicted, material, &samples);
+        *error = tsuya_samples_error(&samples, predicted, -1).cbrt;
+    }
+done:
+    tsuya_free(predicted);
+    tsuya_samples_free(&samples);
+    tsuya_material_free(material);
+    return status;
+}
+
 static tsuya_status load(comparison *c, const tsuya_job *job, const char *truth_folder)
 {
     const char *sparse = tsuya_job_path(job, "reconstruct/sparse/0"), *mesh = tsuya_job_path(job, "weave/weave.ply");
@@ -248,8 +281,9 @@ tsuya_status tsuya_truth_compare(tsuya_json *figures, const tsuya_job *job, cons
 {
     comparison c = {.context = context};
     const tsuya_json *reconstruct = tsuya_json_member(tsuya_state_record(state, "reconstruct"), "figures");
-    double gsd_job;
+    double gsd_job, table;
     tsuya_status status;
+    c.metric = isfinite(tsuya_json_number_or(tsuya_json_member(reconstruct, "scale_m_per_unit"), NAN));
     TSUYA_GOTO_DONE(status, tsuya_json_get_number(&gsd_job, reconstruct, "gsd_units"));
     TSUYA_GOTO_DONE(status, load(&c, job, truth_folder));
     TSUYA_GOTO_DONE(status, align(&c, figures, gsd_job));
@@ -257,7 +291,10 @@ tsuya_status tsuya_truth_compare(tsuya_json *figures, const tsuya_job *job, cons
     TSUYA_GOTO_DONE(status, surface_distance(&c, figures, "surface_gsd", c.gsd_m));
     TSUYA_GOTO_DONE(status, completeness(&c, figures));
     TSUYA_GOTO_DONE(status, weft_error(&c, figures));
-    set_null_pair(figures, "brdf_cbrt", "table", "photos");
+    TSUYA_GOTO_DONE(status, table_error(&table, job, truth_folder));
+    tsuya_json *reflectance = tsuya_json_set_object(figures, "brdf_cbrt");
+    tsuya_json_set_number(reflectance, "table", table);
+    tsuya_json_set_null(reflectance, "photos");
     rerender_error(figures, tsuya_json_member(tsuya_state_record(state, "render"), "figures"));
 done:
     tsuya_sparse_model_free(&c.model);

@@ -6,14 +6,15 @@
 
 /* Figures of INTERFACE's demo, as far as this version measures them; the others are null.
  *
- * A job without scale has a frame of its own: it is moved onto the truth by the similarity that best aligns the camera
- * centres (and by nothing else: no fitting of surfaces), so scale_rel is null there.  Distances are in ground sample
+ * A job is moved onto the truth by the similarity that best aligns the camera centres (and by nothing else: no fitting of
+ * surfaces); how far its scale is from 1 is scale_rel, null for a job without a scale of its own.  Distances are in ground sample
  * distances of the photographs.
  *   focal_rel          |f / f_true − 1|
  *   camera_center_gsd  rms over the photographs
  *   surface_gsd        vertices of the result to the true surface
  *   completeness       share of the true surface, seen by three photographs or more, within 2 GSD of the result
  *   weft_deg           angle to the true weft where the field has confidence
+ *   brdf_cbrt.table    e_cbrt of the fitted material on truth/reflectance.csv, where the job measured one
  *   rerender_de00      as the render stage measured it on the photographs of hold_out */
 TSUYA_MUST_CHECK tsuya_status tsuya_truth_compare(tsuya_json *figures, const tsuya_job *job, const tsuya_state *state,
                                                   const char *truth_folder, const tsuya_context *context);

@@ -19,7 +19,6 @@ set(TSUYA_PUBLIC_HEADERS
   capture/target.h
   capture/studio_goniometer.h
   capture/studio_sensor.h
-  capture/studio_session.h
   calib/apriltag_adapter.h
   calib/board.h
   calib/calibrate.h

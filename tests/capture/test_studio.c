@@ -1,7 +1,8 @@
 /* The studio's truth against other ways to the same numbers. */
 #include "support.h"
 
-#include "capture/studio_session.h"
+#include "capture/studio.h"
+#include "capture/studio_sensor.h"
 #include "core/photo.h"
 #include "core/raster.h"
 
@@ -216,76 +217,6 @@ static void exif_reads_back(void **state)
     tsuya_image_free(&back);
 }
 
-static tsuya_studio_session tiny_session(void)
-{
-    tsuya_studio_session session = tsuya_studio_session_default();
-    session.drape.spacing_m = 0.006;
-    session.width_px = 96;
-    session.height_px = 72;
-    session.focal_px = 120.0;
-    session.ring_views[0] = 14;
-    session.ring_views[1] = 4;
-    session.ring_views[2] = 0;
-    session.spp = 1;
-    session.light_samples = 1;
-    return session;
-}
-
-static void a_session_leaves_photographs_and_truth(void **state)
-{
-    (void)state;
-    tsuya_studio_session session = tiny_session();
-    tsuya_context context = tsuya_context_default();
-    const char *folder = test_path("session");
-    assert_ok(tsuya_folder_make(folder));
-    assert_ok(tsuya_studio_session_write(&session, folder, &context));
-    tsuya_photo_set photos;
-    char photo_folder[TEST_PATH], mask_folder[TEST_PATH], path[TEST_PATH];
-    snprintf(photo_folder, sizeof photo_folder, "%s/photos", folder);
-    snprintf(mask_folder, sizeof mask_folder, "%s/masks", folder);
-    assert_ok(tsuya_photo_set_load(&photos, photo_folder, mask_folder));
-    assert_int_equal(photos.count, 18);
-    assert_non_null(photos.photo[0].mask_path);
-    assert_true(fabs(tsuya_photo_focal_px(&photos.photo[0]) / 120.0 - 1.0) < 0.02);
-    tsuya_photo_set_free(&photos);
-    tsuya_sparse_model truth;
-    tsuya_mesh mesh;
-    tsuya_camera camera;
-    tsuya_pose pose;
-    snprintf(path, sizeof path, "%s/truth/sparse", folder);
-    assert_ok(tsuya_sparse_model_load(&truth, path));
-    assert_int_equal(truth.view_count, 18);
-    snprintf(path, sizeof path, "%s/truth/mesh.ply", folder);
-    assert_ok(tsuya_ply_load(&mesh, path));
-    assert_non_null(mesh.weft);
-    snprintf(path, sizeof path, "%s/truth/camera.cameramodel", folder);
-    assert_ok(tsuya_cameramodel_load(&camera, &pose, path));
-    assert_true(camera.fx_px == 120.0 && camera.distortion[0] == session.k1);
-    struct stat before, after;
-    snprintf(path, sizeof path, "%s/photos/shot-01.jpg", folder);
-    assert_int_equal(stat(path, &before), 0);
-    assert_ok(tsuya_studio_session_write(&session, folder, &context));
-    assert_int_equal(stat(path, &after), 0);
-    assert_true(before.st_ino == after.st_ino); /* left as it was */
-    tsuya_sparse_model_free(&truth);
-    tsuya_mesh_free(&mesh);
-}
-
-static void foreign_folders_are_left_alone(void **state)
-{
-    (void)state;
-    tsuya_studio_session session = tiny_session();
-    tsuya_context context = tsuya_context_default();
-    const char *folder = test_path("mine");
-    char path[TEST_PATH];
-    snprintf(path, sizeof path, "%s/photos", folder);
-    assert_ok(tsuya_folder_make(path));
-    snprintf(path, sizeof path, "%s/photos/holiday.jpg", folder);
-    assert_ok(tsuya_file_write(path, "x", 1));
-    assert_fails(tsuya_studio_session_write(&session, folder, &context), "no demo made it");
-    assert_true(tsuya_path_exists(path));
-}
-
 static int tear_down(void **state)
 {
     (void)state;
@@ -303,8 +234,6 @@ int main(void)
         cmocka_unit_test(threads_do_not_matter),
         cmocka_unit_test(noise_lies_on_the_photon_transfer_line),
         cmocka_unit_test(exif_reads_back),
-        cmocka_unit_test(a_session_leaves_photographs_and_truth),
-        cmocka_unit_test(foreign_folders_are_left_alone),
     };
     return cmocka_run_group_tests(tests, NULL, tear_down);
 }
