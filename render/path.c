@@ -117,6 +117,8 @@ static uint64_t render_pixel(const picture *p, int x, int y)
  * by the strata that the edge crosses alone (Mitchell, "Consequences of stratified sampling in graphics", SIGGRAPH 1996). */
 typedef struct variance_law { double a, b; } variance_law;
 
+static double variance_of_mean(variance_law law, double n) { return law.a / n + law.b / (n * sqrt(n)); }
+
 /* From the variance of samples, that of means of BLOCK of them, and the part of the former that the cloth's outline makes. */
 static variance_law law_from(double of_samples, double of_blocks, double of_outline)
 {
@@ -136,12 +138,16 @@ static double outline_variance(const pixel_sum *s)
     return share * (1.0 - share) * (cloth - background) * (cloth - background);
 }
 
+static variance_law own_law(const pixel_sum *s)
+{
+    double n = s->samples, blocks = floor(n / BLOCK), of_samples = n > 1.0 ? s->spread / (n - 1.0) : 0.0;
+    return law_from(of_samples, blocks > 1.0 ? s->block_spread / (blocks - 1.0) : of_samples / BLOCK, outline_variance(s));
+}
+
 /* Standard error of the mean's luminance. */
 static double standard_error(const pixel_sum *s)
 {
-    double n = s->samples, blocks = floor(n / BLOCK), of_samples = n > 1.0 ? s->spread / (n - 1.0) : 0.0;
-    variance_law law = law_from(of_samples, blocks > 1.0 ? s->block_spread / (blocks - 1.0) : of_samples / BLOCK, outline_variance(s));
-    return n > 1.0 ? sqrt(law.a / n + law.b / (n * sqrt(n))) : 0.0;
+    return s->samples > 1 ? sqrt(variance_of_mean(own_law(s), s->samples)) : 0.0;
 }
 
 static double relative_error(const pixel_sum *s) { return s->mean > 0.0 ? standard_error(s) / s->mean : 0.0; }
@@ -285,11 +291,28 @@ static double aimed_error(double noise, double level, double cloth)
     return noise * fmax(fmax(level, sqrt(fmax(level * cloth, 0.0))), 0.1 * cloth);
 }
 
-/* Samples that each pixel needs, from the variance around it; the pixel's own values have no part in it. */
-static void plan_samples(const picture *p, const tsuya_path_options *o, const tsuya_context *context)
+/* What a pixel has ahead of it: how its error falls, and the error aimed at. */
+typedef struct prospect {
+    float a, b, aim;
+} prospect;
+
+/* Samples until the error is `factor` times the one aimed at. */
+static double samples_wanted(const prospect *f, double factor)
+{
+    double square = pow(factor * f->aim, 2.0);
+    return square > 0.0 ? f->a / square + cbrt(pow(f->b / square, 2.0)) : 0.0;
+}
+
+static uint32_t samples_planned(const picture *p, size_t k, const prospect *f, double factor)
+{
+    return (uint32_t)fmin(fmax(BLOCK * ceil(samples_wanted(f, factor) / BLOCK), p->target[k]), p->tracer.options->spp);
+}
+
+/* From what is around each pixel; its own values have no part in it. */
+static void look_ahead(prospect *ahead, const picture *p, const tsuya_context *context)
 {
     int width = p->camera->width_px, height = p->camera->height_px;
-    double sum = 0.0, pixels = 0.0;
+    double sum = 0.0, pixels = 0.0, noise = p->tracer.options->noise;
     for (size_t k = 0; k < (size_t)width * (size_t)height; ++k) {
         sum += p->cloth[k] ? p->sum[k].mean : 0.0;
         pixels += p->cloth[k] ? 1.0 : 0.0;
@@ -301,11 +324,49 @@ static void plan_samples(const picture *p, const tsuya_path_options *o, const ts
             around a = look_around(p, x, y);
             double own = p->cloth[k] ? 1.0 : 0.0, rest = pixels - own;
             double cloth = rest > 0.0 ? (sum - own * p->sum[k].mean) / rest : 0.0;
-            double square = pow(aimed_error(o->noise, a.level, cloth), 2.0);
-            double wanted = square > 0.0 ? a.law.a / square + cbrt(pow(a.law.b / square, 2.0)) : 0.0;
-            p->target[k] = (uint32_t)fmin(fmax(BLOCK * ceil(wanted / BLOCK), p->target[k]), o->spp);
+            ahead[k] = (prospect){(float)a.law.a, (float)a.law.b, (float)aimed_error(noise, a.level, cloth)};
         }
     }
+}
+
+/* Whether half of the pixels with `parity` that show cloth would be within the noise asked for, by their own pilots. */
+static bool enough(const picture *p, const prospect *ahead, double factor, size_t parity)
+{
+    size_t width = (size_t)p->camera->width_px, pixels = width * (size_t)p->camera->height_px, within = 0, all = 0;
+    for (size_t k = 0; k < pixels; ++k) {
+        if (p->cloth[k] == 2 && ((k % width + k / width) & 1) == parity) {
+            double n = samples_planned(p, k, &ahead[k], factor);
+            ++all;
+            within += variance_of_mean(own_law(&p->sum[k]), n) <= pow(p->tracer.options->noise * p->sum[k].mean, 2.0);
+        }
+    }
+    return 2 * within >= all;
+}
+
+/* Samples that each pixel needs.  Errors may be larger than aimed at, by one factor for the whole picture, as long as half of the
+ * cloth is within the noise asked for. */
+static tsuya_status plan_samples(const picture *p, const tsuya_context *context)
+{
+    static const double leniency[] = {3.0, 2.5, 2.0, 1.75, 1.5, 1.25, 1.0};
+    size_t width = (size_t)p->camera->width_px, pixels = width * (size_t)p->camera->height_px;
+    double factor[2] = {1.0, 1.0};
+    tsuya_status status = TSUYA_OK;
+    prospect *ahead = NULL;
+    TSUYA_NEW(status, ahead, pixels);
+    look_ahead(ahead, p, context);
+    for (size_t parity = 0; parity < 2; ++parity) { /* each half follows the other */
+        int k = 0;
+        while (leniency[k] > 1.0 && !enough(p, ahead, leniency[k], parity)) {
+            ++k;
+        }
+        factor[1 - parity] = leniency[k];
+    }
+    for (size_t k = 0; k < pixels; ++k) {
+        p->target[k] = samples_planned(p, k, &ahead[k], factor[(k % width + k / width) & 1]);
+    }
+done:
+    tsuya_free(ahead);
+    return status;
 }
 
 static void fill_film(tsuya_film *film, tsuya_path_info *info, const pixel_sum *sum)
@@ -376,7 +437,7 @@ static tsuya_status render_all(picture *p, size_t pixels, uint64_t *rays, const 
     TSUYA_NEW(status, p->cloth, pixels);
     *rays += find_cloth(p, o->spp, context);
     TSUYA_GOTO_DONE(status, render_tiles(p, context, 0.0, 0.2, rays));
-    plan_samples(p, o, context);
+    TSUYA_GOTO_DONE(status, plan_samples(p, context));
     TSUYA_GOTO_DONE(status, render_tiles(p, context, 0.2, 1.0, rays));
 done:
     tsuya_free(p->cloth);

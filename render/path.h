@@ -13,7 +13,7 @@ typedef enum tsuya_strategy { TSUYA_STRATEGY_MIS, TSUYA_STRATEGY_LAMPS, TSUYA_ST
 
 typedef struct tsuya_path_options {
     int spp;              /* samples per pixel; with `noise` the most that a pixel gets */
-    double noise;         /* > 0: aimed standard error of a pixel relative to its luminance, see below; 0: fixed spp */
+    double noise;         /* > 0: aimed standard error relative to the luminance, median over the cloth, see below; 0: fixed spp */
     int bounces;          /* reflections along a path; 1: lamps only */
     bool lamps_visible;   /* disks and rectangles in front of the camera */
     const tsuya_shader *card; /* stands in for every material, without dye; NULL: the scene's own */
@@ -28,7 +28,9 @@ TSUYA_API tsuya_path_options tsuya_path_options_default(void); /* 64 spp, noise 
  * variance that the pilots saw in the 48 pixels around it asks for.  What is at the cloth is told by rays of their own that count
  * for nothing else.  A pixel's number of samples therefore never depends on its own values, and its mean stays unbiased.
  * Aimed error: E times the luminance L around the pixel; where L is below the cloth's mean M, E sqrt(L M), which is how photon noise
- * falls, or a tenth of E M where that is more.  The standard errors count chance as a/n and edges (outlines, shadows), which the
+ * falls, or a tenth of E M where that is more.  E is asked of the median over the cloth: as long as half of it is within E, pixels
+ * may err up to three times as much as that, all by the same factor.  The factor of every second pixel is found on the
+ * others.  The standard errors count chance as a/n and edges (outlines, shadows), which the
  * samples of a pixel stratify, as b/n^1.5; a and b come from the variances of samples and of means of four. */
 typedef struct tsuya_film {
     int width_px, height_px;

@@ -284,12 +284,16 @@ static void bench_turntable(void **state)
     tsuya_mesh_free(&mesh);
 }
 
-int main(void)
+/* With an argument, only the benches whose names match it (bench_turntable, *throughput). */
+int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(bench_throughput),
         cmocka_unit_test(bench_satin),
         cmocka_unit_test(bench_turntable),
     };
+    if (argc > 1) {
+        cmocka_set_test_filter(argv[1]);
+    }
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
