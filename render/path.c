@@ -58,7 +58,8 @@ typedef struct picture {
     const tsuya_camera *camera;
     tsuya_pose camera_from_world;
     tsuya_vec3 eye;
-    bool plain; /* the lens does not bend */
+    bool plain; /* the lens does not bend: rays run along base + x right + y down, in the world */
+    tsuya_vec3 base, right, down;
     uint64_t seed;
     pixel_sum *sum;
     uint32_t *target; /* samples that each pixel shall have */
@@ -70,15 +71,27 @@ typedef struct picture {
 
 static bool camera_ray(const picture *p, double x, double y, tsuya_vec3 *direction)
 {
-    const tsuya_camera *c = p->camera;
     tsuya_vec3 ray;
     if (p->plain) {
-        ray = tsuya_vec3_unit((tsuya_vec3){(x - c->cx_px) / c->fx_px, (y - c->cy_px) / c->fy_px, 1.0});
-    } else if (!tsuya_camera_unproject(c, (tsuya_vec2){x, y}, &ray)) {
+        ray = tsuya_vec3_mad(tsuya_vec3_mad(p->base, x, p->right), y, p->down);
+        *direction = tsuya_vec3_scale(ray, 1.0 / tsuya_vec3_norm(ray));
+        return true;
+    }
+    if (!tsuya_camera_unproject(p->camera, (tsuya_vec2){x, y}, &ray)) {
         return false;
     }
     *direction = tsuya_mat3_apply_transposed(p->camera_from_world.rotation, ray);
     return true;
+}
+
+/* Where the lens does not bend, rays are linear in the pixel. */
+static void straighten(picture *p)
+{
+    const tsuya_camera *c = p->camera;
+    tsuya_mat3 r = p->camera_from_world.rotation;
+    p->right = tsuya_mat3_apply_transposed(r, (tsuya_vec3){1.0 / c->fx_px, 0.0, 0.0});
+    p->down = tsuya_mat3_apply_transposed(r, (tsuya_vec3){0.0, 1.0 / c->fy_px, 0.0});
+    p->base = tsuya_mat3_apply_transposed(r, (tsuya_vec3){-c->cx_px / c->fx_px, -c->cy_px / c->fy_px, 1.0});
 }
 
 static uint64_t render_pixel(const picture *p, int x, int y)
@@ -87,13 +100,14 @@ static uint64_t render_pixel(const picture *p, int x, int y)
     pixel_sum *sum = &p->sum[k];
     uint64_t rays = 0;
     tsuya_camera_path path[TSUYA_RAY_PACKET];
+    const tsuya_sampler first = tsuya_sampler_start(p->seed, k, 0);
     while (sum->samples < p->target[k]) {
         const double black[3] = {0, 0, 0};
         int wanted = (int)(p->target[k] - sum->samples), count = 0, lost = 0;
         wanted = wanted < TSUYA_RAY_PACKET ? wanted : TSUYA_RAY_PACKET;
         for (int i = 0; i < wanted; ++i) {
             double u[2];
-            path[count].sampler = tsuya_sampler_start(p->seed, k, sum->samples + (uint32_t)i);
+            path[count].sampler = (tsuya_sampler){first.key, sum->samples + (uint32_t)i};
             path[count].origin = p->eye;
             tsuya_sampler_pair(path[count].sampler, TSUYA_PAIR_PIXEL, u);
             if (camera_ray(p, x - 0.5 + u[0], y - 0.5 + u[1], &path[count].direction)) {
@@ -465,6 +479,7 @@ tsuya_status tsuya_path_render(tsuya_film *film, tsuya_path_info *info, const ts
     *film = (tsuya_film){camera->width_px, camera->height_px, NULL, NULL, NULL, NULL};
     *info = (tsuya_path_info){0};
     TSUYA_TRY(check(camera, options));
+    straighten(&p);
     size_t pixels = (size_t)camera->width_px * (size_t)camera->height_px;
     TSUYA_NEW(status, film->rgb, 3 * pixels);
     TSUYA_NEW(status, film->alpha, pixels);

@@ -273,7 +273,9 @@ void tsuya_scene_surface(const tsuya_scene *scene, const tsuya_ray_hit *hit, tsu
     const uint32_t *index = scene->triangle + 3 * (size_t)hit->triangle;
     const scene_vertex *const v[3] = {&scene->vertex[index[0]], &scene->vertex[index[1]], &scene->vertex[index[2]]};
     const double b[3] = {1.0 - hit->u - hit->v, hit->u, hit->v};
-    tsuya_vec3 corner[3], normal[3];
+    tsuya_vec3 corner[3];
+    s->hit = *hit;
+    s->flat = false;
     s->p = (tsuya_vec3){0, 0, 0};
     for (int k = 0; k < 3; ++k) {
         corner[k] = vec3_from(v[k]->position);
@@ -283,17 +285,29 @@ void tsuya_scene_surface(const tsuya_scene *scene, const tsuya_ray_hit *hit, tsu
     ng = tsuya_vec3_norm(ng) > 0.5 ? ng : wo;
     s->ng = tsuya_vec3_dot(ng, wo) < 0.0 ? tsuya_vec3_scale(ng, -1.0) : ng;
     tsuya_vec3 n = {0, 0, 0};
-    s->lifted = s->p;
     for (int k = 0; k < 3; ++k) {
-        normal[k] = oriented_normal(v[k], s->ng);
-        n = tsuya_vec3_mad(n, b[k], normal[k]);
-        double below = fmin(0.0, tsuya_vec3_dot(tsuya_vec3_sub(s->p, corner[k]), normal[k]));
-        s->lifted = tsuya_vec3_mad(s->lifted, -b[k] * below, normal[k]);
+        n = tsuya_vec3_mad(n, b[k], oriented_normal(v[k], s->ng));
     }
-    s->lift = tsuya_vec3_norm(tsuya_vec3_sub(s->lifted, s->p));
     s->n = facing(tsuya_vec3_unit(n), wo);
     set_frame(s, v, b);
     set_dye(scene, s, v, b);
+}
+
+/* The point on the smooth surface that the vertex normals describe. */
+static tsuya_vec3 lifted_point(const tsuya_scene *scene, const tsuya_surface *s)
+{
+    const uint32_t *index = scene->triangle + 3 * (size_t)s->hit.triangle;
+    const double b[3] = {1.0 - s->hit.u - s->hit.v, s->hit.u, s->hit.v};
+    tsuya_vec3 lifted = s->p;
+    for (int k = 0; k < 3 && !s->flat; ++k) {
+        const scene_vertex *v = &scene->vertex[index[k]];
+        tsuya_vec3 normal = oriented_normal(v, s->ng);
+        double over = tsuya_vec3_dot(tsuya_vec3_sub(s->p, vec3_from(v->position)), normal);
+        if (over < 0.0) {
+            lifted = tsuya_vec3_mad(lifted, -b[k] * over, normal);
+        }
+    }
+    return lifted;
 }
 
 bool tsuya_surface_ray_origin(const tsuya_scene *scene, const tsuya_surface *s, tsuya_vec3 wi, tsuya_vec3 *origin)
@@ -301,9 +315,14 @@ bool tsuya_surface_ray_origin(const tsuya_scene *scene, const tsuya_surface *s, 
     /* Far from the terminator the plain point serves, and cannot be lifted into a layer that lies close above. */
     const double steep = 0.25;
     double side = tsuya_vec3_dot(wi, s->ng);
-    if (side <= 0.0 && s->lift <= 2.0 * scene->bias) {
+    if (side >= steep) {
+        *origin = tsuya_vec3_mad(s->p, scene->bias, s->ng);
+        return true;
+    }
+    tsuya_vec3 lifted = lifted_point(scene, s);
+    if (side <= 0.0 && tsuya_vec3_norm(tsuya_vec3_sub(lifted, s->p)) <= 2.0 * scene->bias) {
         return false;
     }
-    *origin = tsuya_vec3_mad(side < steep ? s->lifted : s->p, scene->bias, s->ng);
+    *origin = tsuya_vec3_mad(lifted, scene->bias, s->ng);
     return true;
 }

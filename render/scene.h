@@ -54,8 +54,8 @@ TSUYA_API void tsuya_scene_free(tsuya_scene *scene);
 /* A point on the cloth, seen from wo. */
 typedef struct tsuya_surface {
     tsuya_vec3 p;       /* on the triangle */
-    tsuya_vec3 lifted;  /* p lifted to the smooth surface that the vertex normals describe */
-    double lift;        /* |lifted − p| */
+    tsuya_ray_hit hit;
+    bool flat;          /* seen through the cloth: not to be lifted to the smooth surface that the vertex normals describe */
     tsuya_vec3 ng;      /* triangle's normal on the viewer's side */
     tsuya_vec3 x, y, n; /* shading frame: weft, warp, normal; n·wo > 0 */
     bool has_weft;      /* else x, y are any tangents */

@@ -163,11 +163,11 @@ static void add_lamps_hit(const tsuya_tracer *t, walker *w, bool first)
     for (int k = 0; k < t->lights->count; ++k) {
         const tsuya_light *light = &t->lights->light[k];
         double lamp_distance, emitted[3], pdf, share = 1.0;
-        bool skipped = first && light->kind != TSUYA_LIGHT_ENVIRONMENT && !t->options->lamps_visible;
+        bool skipped = light->kind == TSUYA_LIGHT_ENVIRONMENT ? w->met : first && !t->options->lamps_visible;
         if (skipped || !tsuya_light_hit(light, from, n, w->direction, &lamp_distance, emitted, &pdf)) {
             continue;
         }
-        if (lamp_distance > distance || (isinf(lamp_distance) && isfinite(distance))) {
+        if (lamp_distance > distance) {
             continue;
         }
         if (!first) {
@@ -255,8 +255,7 @@ static void choose_side(walker *w, tsuya_surface *s, double most, uint32_t pair)
     s->n = tsuya_vec3_scale(s->n, -1.0);
     s->ng = tsuya_vec3_scale(s->ng, -1.0);
     s->y = tsuya_vec3_scale(s->y, -1.0);
-    s->lifted = s->p;
-    s->lift = 0.0;
+    s->flat = true;
     s->dye = s->shader->transmittance;
     s->shader = &through;
 }
