@@ -89,6 +89,15 @@ static tsuya_status resolve(const tsuya_job *job, const char **path, const char 
     return TSUYA_OK;
 }
 
+/* A folder or a file, whichever is there. */
+static tsuya_status resolve_either(const tsuya_job *job, const char **path, const char *key)
+{
+    char *joined = *path ? tsuya_path_join(job->source_folder, *path) : NULL;
+    bool folder = joined && tsuya_path_is_folder(joined);
+    tsuya_free(joined);
+    return resolve(job, path, key, folder);
+}
+
 static tsuya_status refuse_inside(const tsuya_job *job, const char *key, const char *path, const char *stage_folder)
 {
     char input[PATH_MAX], folder[PATH_MAX];
@@ -122,6 +131,7 @@ static tsuya_status check_places(const tsuya_job *job)
         TSUYA_TRY(refuse_inside(job, "camera: photos", job->camera.photos, stage_folder));
         for (int m = 0; m < job->materials.count; m++) {
             TSUYA_TRY(refuse_inside(job, "materials: model", tsuya_job_material_at(job, m)->model, stage_folder));
+            TSUYA_TRY(refuse_inside(job, "materials: where", tsuya_job_material_at(job, m)->where, stage_folder));
         }
     }
     return TSUYA_OK;
@@ -163,6 +173,7 @@ static tsuya_status check_scale(tsuya_job *job)
 static tsuya_status check_materials(tsuya_job *job)
 {
     tsuya_job_material *material = job->materials.item;
+    int everywhere = 0;
     for (int i = 0; i < job->materials.count; i++) {
         tsuya_job_material *m = &material[i];
         if (!is_plain_name(m->name)) {
@@ -175,19 +186,66 @@ static tsuya_status check_materials(tsuya_job *job)
         }
         TSUYA_TRY(resolve(job, &m->samples, "materials: samples", false));
         TSUYA_TRY(resolve(job, &m->model, "materials: model", false));
-        TSUYA_TRY(resolve(job, &m->where, "materials: where", false));
+        TSUYA_TRY(resolve_either(job, &m->where, "materials: where"));
         if ((m->samples != NULL) == (m->model != NULL)) {
             return invalid(job, "materials: name", m->name, "needs either samples: or model:");
         }
-        if (m->where) {
-            return tsuya_fail(TSUYA_ERROR_UNAVAILABLE,
-                              "%s: materials: %s: where: regions of material are not in this version", job->path, m->name);
-        }
+        everywhere += m->where == NULL;
     }
-    if (job->materials.count > 1) {
-        return tsuya_fail(TSUYA_ERROR_UNAVAILABLE,
-                          "%s: materials: %d given; without where: (not in this version) one covers the whole surface",
-                          job->path, job->materials.count);
+    if (job->materials.count > 0 && everywhere != 1) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: materials: %d of %d without where:; exactly one must have none, which covers what the "
+                          "masks of the others leave", job->path, everywhere, job->materials.count);
+    }
+    return job->materials.count <= 255 ? TSUYA_OK : invalid(job, "materials", "more than 255", "cannot be told apart");
+}
+
+/* NAME.png or NAME.jpg.png for the photograph NAME.jpg. */
+static bool is_mask_of(const char *mask, const char *photo)
+{
+    size_t length = strlen(mask), stem = strlen(photo) - strlen(tsuya_path_extension(photo));
+    if (length < 4 || strcmp(mask + length - 4, ".png") != 0) {
+        return false;
+    }
+    length -= 4;
+    return (length == stem || length == strlen(photo)) && strncmp(mask, photo, length) == 0;
+}
+
+tsuya_status tsuya_job_region_mask(const char **path, const tsuya_job *job, int material, int photo)
+{
+    const char *where = tsuya_job_material_at(job, material)->where, *name = job->photo.photo[photo].name;
+    *path = NULL;
+    if (!where) {
+        return TSUYA_OK;
+    }
+    if (!tsuya_path_is_folder(where)) {
+        *path = is_mask_of(tsuya_path_name(where), name) ? where : NULL;
+        return TSUYA_OK;
+    }
+    int stem = (int)(strlen(name) - strlen(tsuya_path_extension(name)));
+    const char *candidate[2] = {tsuya_arena_printf(job->arena, "%s/%.*s.png", where, stem, name),
+                                tsuya_arena_printf(job->arena, "%s/%s.png", where, name)};
+    if (!candidate[0] || !candidate[1]) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    *path = tsuya_path_exists(candidate[0]) ? candidate[0] : tsuya_path_exists(candidate[1]) ? candidate[1] : NULL;
+    return TSUYA_OK;
+}
+
+/* The masks of a region are named after photographs. */
+static tsuya_status check_regions(const tsuya_job *job)
+{
+    for (int i = 0; i < job->materials.count; i++) {
+        const char *where = tsuya_job_material_at(job, i)->where;
+        int masks = 0;
+        for (int p = 0; where && p < job->photo.count; p++) {
+            const char *mask;
+            TSUYA_TRY(tsuya_job_region_mask(&mask, job, i, p));
+            masks += mask != NULL;
+        }
+        if (where && masks == 0) {
+            return invalid(job, "materials: where", where, "names no photograph; a folder of masks NAME.png (or NAME.jpg.png) for the "
+                           "photographs NAME.jpg is expected, or one such mask");
+        }
     }
     return TSUYA_OK;
 }
@@ -305,6 +363,7 @@ static tsuya_status check(tsuya_job *job)
     TSUYA_TRY(check_renders(job));
     TSUYA_TRY(check_places(job));
     TSUYA_TRY(tsuya_photo_set_load(&job->photo, job->photos, job->masks));
+    TSUYA_TRY(check_regions(job));
     return check_hold_out(job);
 }
 

@@ -16,7 +16,8 @@ typedef struct tsuya_job_scale {
 } tsuya_job_scale;
 
 typedef struct tsuya_job_material {
-    const char *name, *samples, *model, *where;
+    const char *name, *samples, *model;
+    const char *where; /* folder of masks named after photographs, or one such mask; NULL: what the others leave */
 } tsuya_job_material;
 
 typedef struct tsuya_job_render {
@@ -48,6 +49,9 @@ void tsuya_job_free(tsuya_job *job);
 
 /* A path inside the job folder (arena; NULL when memory is short). */
 char *tsuya_job_path(const tsuya_job *job, const char *format, ...) TSUYA_PRINTF(2, 3);
+
+/* The mask of a photograph that says where a material is (arena); NULL where there is none. */
+TSUYA_MUST_CHECK tsuya_status tsuya_job_region_mask(const char **path, const tsuya_job *job, int material, int photo);
 
 static inline const tsuya_job_material *tsuya_job_material_at(const tsuya_job *job, int i)
 {

@@ -41,8 +41,9 @@ int tsuya_stage_find(const char *name);
 TSUYA_MUST_CHECK tsuya_status tsuya_stage_input(tsuya_stage_plan *plan, const char *label, const char *path);
 void tsuya_stage_output(tsuya_stage_plan *plan, const char *relative_path);
 
-/* Where the material of the whole surface is written (arena): in the job folder, or relative to it. */
-const char *tsuya_stage_material_path(const tsuya_job *job, bool with_folder);
+/* Materials of the surface, at least one (a default), and where each is written (arena): in the job folder, or relative to it. */
+int tsuya_stage_material_count(const tsuya_job *job);
+const char *tsuya_stage_material_path(const tsuya_job *job, int index, bool with_folder);
 
 /* The calibrated camera: given, or stage calib's; NULL where the job has none. */
 const char *tsuya_stage_camera_model(const tsuya_job *job);

@@ -10,7 +10,7 @@
 
 enum { SAMPLES_PER_PIXEL = 48, BOUNCES = 3, OTHERS = 4 };
 /* A comparison takes the mean over very many pixels, so they may be noisier. */
-static const double NOISE = 0.05, LIKE_NOISE = 0.1;
+static const double NOISE = 0.02, LIKE_NOISE = 0.04;
 
 static const char *const mesh_relative = "weave/weave.ply";
 
@@ -28,17 +28,29 @@ static tsuya_status add_like_inputs(tsuya_stage_plan *plan, const tsuya_job *job
     return TSUYA_OK;
 }
 
+static tsuya_status add_material_inputs(tsuya_stage_plan *plan, const tsuya_job *job)
+{
+    for (int i = 0; i < tsuya_stage_material_count(job); i++) {
+        const char *path = tsuya_stage_material_path(job, i, true);
+        const char *label = i == 0 ? "material" : tsuya_arena_printf(job->arena, "material %d", i);
+        if (!path || !label) {
+            return TSUYA_ERROR_MEMORY;
+        }
+        TSUYA_TRY(tsuya_stage_input(plan, label, path));
+    }
+    return TSUYA_OK;
+}
+
 tsuya_status tsuya_stage_render_plan(tsuya_stage_plan *plan, const tsuya_stage_run *run)
 {
     const tsuya_job *job = run->job;
     const char *mesh = tsuya_job_path(job, "%s", mesh_relative), *model = tsuya_job_path(job, "reconstruct/sparse/0/images.bin");
-    const char *material = tsuya_stage_material_path(job, true);
-    if (!mesh || !model || !material) {
+    if (!mesh || !model) {
         return TSUYA_ERROR_MEMORY;
     }
     TSUYA_TRY(tsuya_stage_input(plan, "mesh", mesh));
     TSUYA_TRY(tsuya_stage_input(plan, "cameras", model));
-    TSUYA_TRY(tsuya_stage_input(plan, "material", material));
+    TSUYA_TRY(add_material_inputs(plan, job));
     TSUYA_TRY(tsuya_stage_input(plan, "lights", job->lights));
     TSUYA_TRY(add_like_inputs(plan, job));
     tsuya_json_set_number(plan->options, "seed", (double)run->context->seed);
@@ -158,15 +170,22 @@ static tsuya_status render_entry(tsuya_render_info *info, const tsuya_stage_run 
 {
     const tsuya_job *job = run->job;
     tsuya_render_options options = tsuya_render_options_default();
-    const char *material = tsuya_stage_material_path(job, true);
+    int materials = tsuya_stage_material_count(job);
+    const char **material = tsuya_arena_alloc(job->arena, (size_t)materials, sizeof *material);
     like_views like = {0};
     options.mesh_path = tsuya_job_path(job, "%s", mesh_relative);
     options.output_folder = tsuya_job_path(job, "render");
     if (!material || !options.mesh_path || !options.output_folder) {
         return TSUYA_ERROR_MEMORY;
     }
-    options.material_path = &material;
-    options.material_count = 1;
+    for (int i = 0; i < materials; i++) {
+        material[i] = tsuya_stage_material_path(job, i, true);
+        if (!material[i]) {
+            return TSUYA_ERROR_MEMORY;
+        }
+    }
+    options.material_path = material;
+    options.material_count = materials;
     options.lights_path = job->lights;
     options.name = entry->name;
     options.color = entry->color;

@@ -1,4 +1,5 @@
 /* Stage weave: reconstruct/mesh.ply and the photographs of reconstruct/dense to weave/weave.ply. */
+#include "app/regions.h"
 #include "app/stage.h"
 
 #include "core/camera.h"
@@ -19,6 +20,31 @@ static tsuya_weave_mesh_options options_of(const tsuya_job *job)
     return options;
 }
 
+static bool has_regions(const tsuya_job *job)
+{
+    return job->materials.count > 1;
+}
+
+static tsuya_status add_region_inputs(tsuya_stage_plan *plan, const tsuya_job *job)
+{
+    const char *poses = tsuya_job_path(job, "reconstruct/sparse/0/images.bin");
+    if (!poses) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    if (has_regions(job)) {
+        TSUYA_TRY(tsuya_stage_input(plan, "poses", poses));
+    }
+    for (int i = 0; has_regions(job) && i < job->materials.count; i++) {
+        const char *where = tsuya_job_material_at(job, i)->where;
+        const char *label = tsuya_arena_printf(job->arena, "material %d", i);
+        if (!label) {
+            return TSUYA_ERROR_MEMORY;
+        }
+        TSUYA_TRY(where ? tsuya_stage_input(plan, label, where) : TSUYA_OK);
+    }
+    return TSUYA_OK;
+}
+
 tsuya_status tsuya_stage_weave_plan(tsuya_stage_plan *plan, const tsuya_stage_run *run)
 {
     tsuya_weave_mesh_options options = options_of(run->job);
@@ -30,6 +56,7 @@ tsuya_status tsuya_stage_weave_plan(tsuya_stage_plan *plan, const tsuya_stage_ru
     TSUYA_TRY(tsuya_stage_input(plan, "mesh", mesh));
     TSUYA_TRY(tsuya_stage_input(plan, "photographs", images));
     TSUYA_TRY(tsuya_stage_input(plan, "cameras", cameras));
+    TSUYA_TRY(add_region_inputs(plan, run->job));
     tsuya_json_set_number(plan->options, "patch_px", options.patch_px);
     tsuya_json_set_number(plan->options, "step_px", options.step_px);
     tsuya_json *hold_out = tsuya_json_set_array(plan->options, "hold_out");
@@ -84,6 +111,76 @@ static tsuya_status draw_overlays(const tsuya_stage_run *run)
     return status;
 }
 
+/* Every mask of a photograph that was placed and is not held out, by view. */
+static tsuya_status list_masks(tsuya_region_mask **masks, int *count, const tsuya_job *job, const tsuya_sparse_model *model)
+{
+    *count = 0;
+    *masks = tsuya_arena_alloc(job->arena, (size_t)(job->photo.count * job->materials.count) + 1, sizeof **masks);
+    if (!*masks) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    for (int p = 0; p < job->photo.count; p++) {
+        int view = tsuya_sparse_model_find(model, job->photo.photo[p].name);
+        bool used = view >= 0;
+        for (int h = 0; h < job->hold_out.count; h++) {
+            used = used && strcmp(tsuya_job_hold_out_at(job, h), job->photo.photo[p].name) != 0;
+        }
+        for (int i = 0; used && i < job->materials.count; i++) {
+            const char *path;
+            TSUYA_TRY(tsuya_job_region_mask(&path, job, i, p));
+            if (path) {
+                (*masks)[(*count)++] = (tsuya_region_mask){(uint8_t)i, view, path};
+            }
+        }
+    }
+    return TSUYA_OK;
+}
+
+/* What each material got of the surface's vertices. */
+static void tell_shares(tsuya_json *figures, const tsuya_mesh *mesh, const tsuya_job *job)
+{
+    size_t count[256] = {0};
+    tsuya_json *list = tsuya_json_set_array(figures, "materials");
+    for (size_t v = 0; v < mesh->vertex_count; v++) {
+        count[mesh->material[v]]++;
+    }
+    for (int i = 0; i < job->materials.count; i++) {
+        const char *name = tsuya_job_material_at(job, i)->name;
+        tsuya_json *item = tsuya_json_add_object(list);
+        tsuya_json_set_text(item, "name", name);
+        tsuya_json_set_number(item, "share", mesh->vertex_count > 0 ? (double)count[i] / (double)mesh->vertex_count : 0.0);
+        if (count[i] == 0) {
+            tsuya_warn("materials: %s: its masks show no part of the surface", name);
+        }
+    }
+}
+
+static tsuya_status assign_materials(tsuya_mesh *mesh, const tsuya_stage_run *run)
+{
+    const tsuya_job *job = run->job;
+    const char *folder = tsuya_job_path(job, "reconstruct/sparse/0");
+    tsuya_sparse_model model;
+    tsuya_region_mask *masks;
+    int count;
+    uint8_t rest = 0;
+    for (int i = 0; i < job->materials.count; i++) {
+        rest = tsuya_job_material_at(job, i)->where ? rest : (uint8_t)i;
+    }
+    if (!folder) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    TSUYA_TRY(tsuya_sparse_model_load(&model, folder));
+    tsuya_status status = list_masks(&masks, &count, job, &model);
+    if (status == TSUYA_OK) {
+        status = tsuya_regions_vote(mesh, &model, masks, count, rest, run->context);
+    }
+    if (status == TSUYA_OK) {
+        tell_shares(run->figures, mesh, job);
+    }
+    tsuya_sparse_model_free(&model);
+    return status;
+}
+
 tsuya_status tsuya_stage_weave_run(const tsuya_stage_run *run)
 {
     tsuya_mesh mesh = {0};
@@ -102,6 +199,9 @@ tsuya_status tsuya_stage_weave_run(const tsuya_stage_run *run)
         tsuya_warn("weave: no threads to be seen in the photographs; the weft field follows texture and folds, its confidence is low");
     }
     tsuya_weave_mesh_info_to_json(run->figures, &info);
+    if (has_regions(run->job)) {
+        TSUYA_GOTO_DONE(status, assign_materials(&mesh, run));
+    }
     TSUYA_GOTO_DONE(status, tsuya_ply_save(&mesh, out, NULL));
     TSUYA_GOTO_DONE(status, draw_overlays(run));
     TSUYA_GOTO_DONE(status, tsuya_json_save(run->figures, json));

@@ -106,6 +106,30 @@ static void test_what_this_version_lacks_is_said(void **state)
     refuse("name: robe\nphotos: photos\nmaterials: [{name: a}]\n", "samples: or model:");
 }
 
+static void test_regions(void **state)
+{
+    (void)state;
+    tsuya_job job;
+    const char *mask;
+    assert_ok(tsuya_file_write(test_path("in/a.json"), "{}", 2));
+    assert_ok(tsuya_folder_make(test_path("in/gold")));
+    assert_ok(tsuya_file_write(test_path("in/gold/IMG_02.jpg.png"), "x", 1));
+    assert_ok(tsuya_file_write(test_path("in/IMG_01.png"), "x", 1));
+    assert_ok(tsuya_file_write(test_path("in/gold.png"), "x", 1));
+    assert_ok(load(&job, "name: robe\nphotos: photos\nmaterials: [{name: a, model: a.json, where: gold/}, {name: b, model: a.json}, "
+                         "{name: c, model: a.json, where: IMG_01.png}]\n", NULL));
+    for (int k = 0; k < 3 * 4; k++) {
+        assert_ok(tsuya_job_region_mask(&mask, &job, k / 4, k % 4));
+        assert_int_equal(mask != NULL, k == 2 || k == 9);
+    }
+    tsuya_job_free(&job);
+    refuse("name: robe\nphotos: photos\nmaterials: [{name: a, model: a.json, where: gold/}]\n", "without where:");
+    refuse("name: robe\nphotos: photos\nmaterials: [{name: a, model: a.json}, {name: b, model: a.json}]\n", "without where:");
+    refuse("name: robe\nphotos: photos\nmaterials: [{name: a, model: a.json, where: gold.png}, {name: b, model: a.json}]\n",
+           "names no photograph");
+    refuse("name: robe\nphotos: photos\nmaterials: [{name: a, model: a.json, where: no/}, {name: b, model: a.json}]\n", "does not exist");
+}
+
 static void test_unreadable_photograph_is_named(void **state)
 {
     (void)state;
@@ -137,6 +161,7 @@ int main(void)
         cmocka_unit_test(test_everything_that_is_supported),
         cmocka_unit_test(test_refusals),
         cmocka_unit_test(test_what_this_version_lacks_is_said),
+        cmocka_unit_test(test_regions),
         cmocka_unit_test(test_unreadable_photograph_is_named),
         cmocka_unit_test(test_stage_names),
     };
