@@ -236,7 +236,7 @@ static tsuya_status table_error(double *error, const tsuya_job *job, const char 
     tsuya_samples samples = {0};
     tsuya_status status = TSUYA_OK;
     double *predicted = NULL;
-    const char *path = tsuya_stage_material_path(job, false), *table = tsuya_arena_printf(job->arena, "%s/reflectance.csv", truth_folder);
+    const char *path = tsuya_stage_material_path(job, 0, true), *table = tsuya_arena_printf(job->arena, "%s/reflectance.csv", truth_folder);
     *error = NAN;
     if (!path || !table) {
         return TSUYA_ERROR_MEMORY;
