@@ -88,5 +88,6 @@ const tsuya_brdf_model tsuya_brdf_ashikhmin = {
     .to_json = to_json,
     .free_state = tsuya_free,
     .bytes = tsuya_lobe_bytes,
+    .mirrored = true,
     .unbounded = true,
 };

@@ -191,7 +191,7 @@ static size_t bytes(const void *state)
     return sizeof *g + (size_t)g->channels * sizeof g->strength[0];
 }
 
-#define GGX_COMMON .eval = eval, .eval_batch = eval_batch, .pdf = pdf, .sample = sample, .free_state = tsuya_free, .bytes = bytes
+#define GGX_COMMON .eval = eval, .eval_batch = eval_batch, .pdf = pdf, .sample = sample, .free_state = tsuya_free, .bytes = bytes, .mirrored = true
 
 const tsuya_brdf_model tsuya_brdf_ggx = {.name = "ggx", .from_json = from_json_iso, .to_json = to_json_iso, GGX_COMMON};
 const tsuya_brdf_model tsuya_brdf_ggx_aniso = {

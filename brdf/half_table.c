@@ -4,7 +4,7 @@
 #include "core/memory.h"
 
 enum { PHI_CELLS = 48, THETA_CELLS = 40, SUB = 3 };
-static const double cosine_share = 0.4;
+static const double cosine_share = 0.1 * TSUYA_HALF_COSINE_TENTHS;
 
 /* Equal steps of θh; the cell's solid angle Δφ (cosθ₀ − cosθ₁) turns its share into a density. */
 static double edge_cosine(const tsuya_half_table *t, int i) { return i >= t->theta_cells ? 0.0 : cos(0.5 * M_PI * i / t->theta_cells); }
@@ -41,6 +41,12 @@ static void fill(tsuya_half_table *t, double (*density)(const void *, tsuya_vec3
         t->marginal[i] = total > 0.0 ? (float)(t->marginal[i] / total) : (float)i / (float)t->theta_cells;
     }
     t->marginal[t->theta_cells] = 1.0f;
+    for (int k = 0; k < t->theta_cells * t->phi_cells; ++k) {
+        int i = k / t->phi_cells;
+        const float *row = t->conditional + i * (t->phi_cells + 1) + k % t->phi_cells;
+        double share = (double)(t->marginal[i + 1] - t->marginal[i]) * (double)(row[1] - row[0]);
+        t->density[k] = (float)(share * t->phi_cells / (2.0 * M_PI * (edge_cosine(t, i) - edge_cosine(t, i + 1))));
+    }
 }
 
 tsuya_status tsuya_half_table_create(tsuya_half_table **table, double (*density)(const void *user, tsuya_vec3 h), const void *user)
@@ -53,6 +59,7 @@ tsuya_status tsuya_half_table_create(tsuya_half_table **table, double (*density)
     t->theta_cells = THETA_CELLS;
     TSUYA_NEW(status, t->marginal, THETA_CELLS + 1);
     TSUYA_NEW(status, t->conditional, THETA_CELLS * (PHI_CELLS + 1));
+    TSUYA_NEW(status, t->density, THETA_CELLS * PHI_CELLS);
     fill(t, density, user);
     *table = t;
     return TSUYA_OK;
@@ -66,13 +73,14 @@ void tsuya_half_table_free(tsuya_half_table *table)
     if (table) {
         tsuya_free(table->marginal);
         tsuya_free(table->conditional);
+        tsuya_free(table->density);
         tsuya_free(table);
     }
 }
 
 size_t tsuya_half_table_bytes(const tsuya_half_table *t)
 {
-    return sizeof *t + sizeof(float) * (size_t)(t->theta_cells + 1 + t->theta_cells * (t->phi_cells + 1));
+    return sizeof *t + sizeof(float) * (size_t)(t->theta_cells + 1 + t->theta_cells * (2 * t->phi_cells + 1));
 }
 
 static double half_density(const tsuya_half_table *t, tsuya_vec3 h)
@@ -81,9 +89,7 @@ static double half_density(const tsuya_half_table *t, tsuya_vec3 h)
     int i = (int)(atan2(sqrt(h.x * h.x + h.y * h.y), h.z) / (0.5 * M_PI) * t->theta_cells), j = (int)(turn * t->phi_cells);
     i = i < t->theta_cells ? i : t->theta_cells - 1;
     j = j < t->phi_cells ? j : t->phi_cells - 1;
-    const float *row = t->conditional + i * (t->phi_cells + 1);
-    double share = (double)(t->marginal[i + 1] - t->marginal[i]) * (double)(row[j + 1] - row[j]);
-    return share * t->phi_cells / (2.0 * M_PI * (edge_cosine(t, i) - edge_cosine(t, i + 1)));
+    return (double)t->density[i * t->phi_cells + j];
 }
 
 double tsuya_half_table_pdf(const tsuya_half_table *t, tsuya_vec3 wi, tsuya_vec3 wo)
@@ -110,18 +116,23 @@ static int find(const float *cumulative, int cells, double u, double *fraction)
     return low;
 }
 
+tsuya_vec3 tsuya_half_table_draw(const tsuya_half_table *t, const double u[2])
+{
+    double a, b;
+    int i = find(t->marginal, t->theta_cells, u[0], &a);
+    int j = find(t->conditional + i * (t->phi_cells + 1), t->phi_cells, u[1], &b);
+    double z = edge_cosine(t, i) + a * (edge_cosine(t, i + 1) - edge_cosine(t, i)), r = sqrt(fmax(0.0, 1.0 - z * z));
+    double phi = 2.0 * M_PI * (j + b) / t->phi_cells;
+    return (tsuya_vec3){r * cos(phi), r * sin(phi), z};
+}
+
 bool tsuya_half_table_sample(const tsuya_half_table *t, tsuya_vec3 wo, const double u[2], tsuya_vec3 *wi)
 {
     if (u[0] < cosine_share) {
         *wi = tsuya_sample_cosine(u[0] / cosine_share, u[1]);
         return wi->z > 0.0;
     }
-    double a, b;
-    int i = find(t->marginal, t->theta_cells, (u[0] - cosine_share) / (1.0 - cosine_share), &a);
-    int j = find(t->conditional + i * (t->phi_cells + 1), t->phi_cells, u[1], &b);
-    double z = edge_cosine(t, i) + a * (edge_cosine(t, i + 1) - edge_cosine(t, i)), r = sqrt(fmax(0.0, 1.0 - z * z));
-    double phi = 2.0 * M_PI * (j + b) / t->phi_cells;
-    tsuya_vec3 h = {r * cos(phi), r * sin(phi), z};
+    tsuya_vec3 h = tsuya_half_table_draw(t, (const double[2]){(u[0] - cosine_share) / (1.0 - cosine_share), u[1]});
     double cosine = tsuya_vec3_dot(wo, h);
     if (!(cosine > 0.0)) {
         return false;

@@ -9,6 +9,7 @@ typedef struct tsuya_half_table {
     int phi_cells, theta_cells;
     float *marginal;    /* cumulative over θh, theta_cells + 1 */
     float *conditional; /* cumulative over φh of each θh, theta_cells × (phi_cells + 1) */
+    float *density;     /* over h, sr⁻¹, theta_cells × phi_cells */
 } tsuya_half_table;
 
 /* `density(user, h)` ≥ 0, up to a factor, for unit h above the surface. */
@@ -17,6 +18,15 @@ TSUYA_MUST_CHECK tsuya_status tsuya_half_table_create(tsuya_half_table **table, 
 void tsuya_half_table_free(tsuya_half_table *table);
 size_t tsuya_half_table_bytes(const tsuya_half_table *table);
 double tsuya_half_table_pdf(const tsuya_half_table *table, tsuya_vec3 wi, tsuya_vec3 wo);
+/* h of a draw in [0, 1)². */
+tsuya_vec3 tsuya_half_table_draw(const tsuya_half_table *table, const double u[2]);
 bool tsuya_half_table_sample(const tsuya_half_table *table, tsuya_vec3 wo, const double u[2], tsuya_vec3 *wi);
+
+/* The same for many viewers (brdf/model.h): first the cosine lobe's draws, which are wi, then the table's, which are h. */
+void tsuya_half_table_shared_draws(const tsuya_half_table *table, int total, float *shared);
+void tsuya_half_table_take_draws(const tsuya_half_table *table, tsuya_vec3 wo, const float *shared, int total, int from, int count,
+                                 float *const wi[3], float *weight);
+
+enum { TSUYA_HALF_COSINE_TENTHS = 4 }; /* share of the cosine lobe */
 
 #endif

@@ -1,4 +1,4 @@
-#include "brdf/dye.h"
+#include "brdf/energy.h"
 #include "brdf/sampling.h"
 
 #include "core/memory.h"
@@ -28,19 +28,6 @@ static tsuya_status name_channels(tsuya_material *m, int count, const char *cons
     return TSUYA_OK;
 }
 
-static tsuya_status make_tables(tsuya_material *m)
-{
-    double highest;
-    TSUYA_TRY(tsuya_albedo_table_create(&m->albedo, &highest, m->model, m->state, m->channel_count, NULL));
-    if (!m->model->unbounded || !(highest > 0.999)) {
-        return TSUYA_OK;
-    }
-    tsuya_albedo_table_free(m->albedo);
-    m->albedo = NULL;
-    TSUYA_TRY(tsuya_limit_table_create(&m->limit, m->model, m->state, m->channel_count));
-    return tsuya_albedo_table_create(&m->albedo, NULL, m->model, m->state, m->channel_count, m->limit);
-}
-
 tsuya_status tsuya_material_create(tsuya_material **material, const tsuya_brdf_model *model, void *state, const char *name,
                                    int channel_count, const char *const *channels)
 {
@@ -64,7 +51,7 @@ tsuya_status tsuya_material_create(tsuya_material **material, const tsuya_brdf_m
     if (!m->name || !m->note) {
         TSUYA_GOTO_DONE(status, TSUYA_ERROR_MEMORY);
     }
-    TSUYA_GOTO_DONE(status, make_tables(m));
+    TSUYA_GOTO_DONE(status, tsuya_energy_tables_create(&m->albedo, &m->limit, m->model, m->state, channel_count));
     *material = m;
     return TSUYA_OK;
 done:
@@ -155,104 +142,177 @@ static bool any_dye(const double *dye, int channels)
     return false;
 }
 
-static void add_dye(const tsuya_material *m, const double *dye, tsuya_vec3 wi, tsuya_vec3 wo, double *value)
+/* A direction that is not finite is not above the surface. */
+static bool above(tsuya_vec3 wi, tsuya_vec3 wo)
 {
-    if (m->coupling == TSUYA_DYE_LAMBERT) {
-        for (int c = 0; c < m->channel_count; ++c) {
-            value[c] += dye[c] / M_PI;
-        }
-        return;
-    }
-    double ai[TSUYA_MATERIAL_MAX_CHANNELS], ao[TSUYA_MATERIAL_MAX_CHANNELS];
-    tsuya_albedo_table_eval(m->albedo, wi, ai);
-    tsuya_albedo_table_eval(m->albedo, wo, ao);
-    for (int c = 0; c < m->channel_count; ++c) {
-        value[c] += dye[c] * (1.0 - ai[c]) * (1.0 - ao[c]) * m->albedo->inverse_rest[c];
+    return wi.z > 0.0 && wo.z > 0.0 && isfinite(wi.x + wi.y + wi.z + (wo.x + wo.y + wo.z));
+}
+
+static tsuya_material_view blind_view(const tsuya_material *m, const double *dye, tsuya_vec3 wo)
+{
+    tsuya_material_view v;
+    v.material = m;
+    v.dye = dye ? dye : m->dye;
+    v.wo = above(wo, wo) ? wo : (tsuya_vec3){0.0, 0.0, -1.0};
+    v.coloured = any_dye(v.dye, m->channel_count);
+    v.limit = v.dye_share = 1.0;
+    return v;
+}
+
+static void look_at_limit(tsuya_material_view *v)
+{
+    if (v->material->limit && v->wo.z > 0.0) {
+        tsuya_albedo_table_eval(v->material->limit, v->wo, &v->limit);
     }
 }
 
-static bool above(tsuya_vec3 wi, tsuya_vec3 wo)
+/* The dye's share of draws is its part of the whole albedo, channels summed. */
+static void look_at_albedo(tsuya_material_view *v)
 {
-    return wi.z > 0.0 && wo.z > 0.0;
+    const tsuya_material *m = v->material;
+    double below = 0.0, over = 0.0;
+    if (!(v->wo.z > 0.0)) {
+        return;
+    }
+    tsuya_albedo_table_eval(m->albedo, v->wo, v->rest);
+    for (int c = 0; c < m->channel_count; ++c) {
+        double surface = v->rest[c];
+        v->rest[c] = tsuya_dye_rest(surface);
+        over += surface;
+        below += v->dye[c] * (m->coupling == TSUYA_DYE_LAMBERT ? 1.0 : v->rest[c]);
+    }
+    v->dye_share = over > 0.0 ? below / (below + over) : 1.0;
+}
+
+tsuya_material_view tsuya_material_view_of(const tsuya_material *m, const double *dye, tsuya_vec3 wo)
+{
+    tsuya_material_view v = blind_view(m, dye, wo);
+    look_at_limit(&v);
+    look_at_albedo(&v);
+    return v;
+}
+
+static void add_dye(const tsuya_material_view *v, tsuya_vec3 wi, double *value)
+{
+    const tsuya_material *m = v->material;
+    if (m->coupling == TSUYA_DYE_LAMBERT) {
+        for (int c = 0; c < m->channel_count; ++c) {
+            value[c] += v->dye[c] / M_PI;
+        }
+        return;
+    }
+    double albedo[TSUYA_MATERIAL_MAX_CHANNELS];
+    tsuya_albedo_table_eval(m->albedo, wi, albedo);
+    for (int c = 0; c < m->channel_count; ++c) {
+        value[c] += v->dye[c] * tsuya_dye_rest(albedo[c]) * v->rest[c] * m->albedo->inverse_rest[c];
+    }
+}
+
+void tsuya_material_view_eval(const tsuya_material_view *v, tsuya_vec3 wi, double *value)
+{
+    const tsuya_material *m = v->material;
+    if (!above(wi, v->wo)) {
+        memset(value, 0, (size_t)m->channel_count * sizeof *value);
+        return;
+    }
+    m->model->eval(m->state, m->channel_count, wi, v->wo, value);
+    if (m->limit) {
+        double there;
+        tsuya_albedo_table_eval(m->limit, wi, &there);
+        for (int c = 0; c < m->channel_count; ++c) {
+            value[c] *= there * v->limit;
+        }
+    }
+    if (v->coloured) {
+        add_dye(v, wi, value);
+    }
+}
+
+double tsuya_material_view_pdf(const tsuya_material_view *v, tsuya_vec3 wi)
+{
+    if (!above(wi, v->wo)) {
+        return 0.0;
+    }
+    double pdf = v->dye_share * wi.z / M_PI;
+    return v->dye_share < 1.0 ? pdf + (1.0 - v->dye_share) * v->material->model->pdf(v->material->state, wi, v->wo) : pdf;
+}
+
+double tsuya_material_view_eval_pdf(const tsuya_material_view *v, tsuya_vec3 wi, double *value)
+{
+    tsuya_material_view_eval(v, wi, value);
+    return tsuya_material_view_pdf(v, wi);
+}
+
+bool tsuya_material_view_sample(const tsuya_material_view *v, const double u[3], tsuya_vec3 *wi)
+{
+    if (!(v->wo.z > 0.0)) {
+        return false;
+    }
+    if (u[2] < v->dye_share) {
+        *wi = tsuya_sample_cosine(u[0], u[1]);
+        return wi->z > 0.0;
+    }
+    return v->material->model->sample(v->material->state, v->wo, u, wi) && wi->z > 0.0;
 }
 
 void tsuya_material_eval(const tsuya_material *m, const double *dye, tsuya_vec3 wi, tsuya_vec3 wo, double *value)
 {
-    if (!above(wi, wo)) {
-        memset(value, 0, (size_t)m->channel_count * sizeof *value);
-        return;
+    tsuya_material_view v = blind_view(m, dye, wo);
+    look_at_limit(&v);
+    if (v.coloured && m->coupling == TSUYA_DYE_UNDER_SURFACE) {
+        look_at_albedo(&v);
     }
-    dye = dye ? dye : m->dye;
-    m->model->eval(m->state, m->channel_count, wi, wo, value);
-    if (m->limit) {
-        double a, b;
-        tsuya_albedo_table_eval(m->limit, wi, &a);
-        tsuya_albedo_table_eval(m->limit, wo, &b);
-        for (int c = 0; c < m->channel_count; ++c) {
-            value[c] *= a * b;
-        }
-    }
-    if (any_dye(dye, m->channel_count)) {
-        add_dye(m, dye, wi, wo, value);
-    }
-}
-
-/* Share of draws that go to the dye: its part of the whole albedo, channels summed. */
-static double dye_share(const tsuya_material *m, const double *dye, tsuya_vec3 wo)
-{
-    double surface[TSUYA_MATERIAL_MAX_CHANNELS], below = 0.0, over = 0.0;
-    tsuya_albedo_table_eval(m->albedo, wo, surface);
-    for (int c = 0; c < m->channel_count; ++c) {
-        over += surface[c];
-        below += dye[c] * (m->coupling == TSUYA_DYE_LAMBERT ? 1.0 : 1.0 - surface[c]);
-    }
-    return over > 0.0 ? below / (below + over) : 1.0;
-}
-
-static double mixed_pdf(const tsuya_material *m, const double *dye, tsuya_vec3 wi, tsuya_vec3 wo)
-{
-    double share = dye_share(m, dye, wo), pdf = share * wi.z / M_PI;
-    return share < 1.0 ? pdf + (1.0 - share) * m->model->pdf(m->state, wi, wo) : pdf;
+    tsuya_material_view_eval(&v, wi, value);
 }
 
 double tsuya_material_pdf(const tsuya_material *m, const double *dye, tsuya_vec3 wi, tsuya_vec3 wo)
 {
-    return above(wi, wo) ? mixed_pdf(m, dye ? dye : m->dye, wi, wo) : 0.0;
+    tsuya_material_view v = blind_view(m, dye, wo);
+    look_at_albedo(&v);
+    return tsuya_material_view_pdf(&v, wi);
 }
 
 double tsuya_material_eval_pdf(const tsuya_material *m, const double *dye, tsuya_vec3 wi, tsuya_vec3 wo, double *value)
 {
-    tsuya_material_eval(m, dye, wi, wo, value);
-    return tsuya_material_pdf(m, dye, wi, wo);
+    tsuya_material_view v = tsuya_material_view_of(m, dye, wo);
+    return tsuya_material_view_eval_pdf(&v, wi, value);
 }
 
 bool tsuya_material_sample(const tsuya_material *m, const double *dye, tsuya_vec3 wo, const double u[3], tsuya_vec3 *wi)
 {
-    if (!(wo.z > 0.0)) {
-        return false;
-    }
-    if (u[2] < dye_share(m, dye ? dye : m->dye, wo)) {
-        *wi = tsuya_sample_cosine(u[0], u[1]);
-        return wi->z > 0.0;
-    }
-    return m->model->sample(m->state, wo, u, wi) && wi->z > 0.0;
+    tsuya_material_view v = blind_view(m, dye, wo);
+    look_at_albedo(&v);
+    return tsuya_material_view_sample(&v, u, wi);
 }
 
 void tsuya_material_albedo(const tsuya_material *m, const double *dye, tsuya_vec3 wo, double *value)
 {
-    if (!(wo.z > 0.0)) {
+    if (!above(wo, wo)) {
         memset(value, 0, (size_t)m->channel_count * sizeof *value);
         return;
     }
     dye = dye ? dye : m->dye;
     tsuya_albedo_table_eval(m->albedo, wo, value);
     for (int c = 0; c < m->channel_count; ++c) {
-        value[c] += dye[c] * (m->coupling == TSUYA_DYE_LAMBERT ? 1.0 : 1.0 - value[c]);
+        value[c] += dye[c] * (m->coupling == TSUYA_DYE_LAMBERT ? 1.0 : tsuya_dye_rest(value[c]));
+    }
+}
+
+/* 1 where both directions are finite and above the surface, for one block. */
+static void seen_block(float *restrict seen, const tsuya_direction_batch *b, int from, int count)
+{
+    const float *restrict ix = b->wi_x + from, *restrict iy = b->wi_y + from, *restrict iz = b->wi_z + from;
+    const float *restrict ox = b->wo_x + from, *restrict oy = b->wo_y + from, *restrict oz = b->wo_z + from;
+    for (int k = 0; k < count; ++k) {
+        float all = fabsf(ix[k] + iy[k] + iz[k] + (ox[k] + oy[k] + oz[k]));
+        seen[k] = (iz[k] > 0.0f) & (oz[k] > 0.0f) & (all < INFINITY) ? 1.0f : 0.0f;
     }
 }
 
 void tsuya_material_eval_batch(const tsuya_material *m, const double *dye, const tsuya_direction_batch *batch, float *value)
 {
+    enum { BLOCK = 256 };
+    float seen[BLOCK];
     dye = dye ? dye : m->dye;
     int count = batch->count;
     m->model->eval_batch(m->state, m->channel_count, batch, value);
@@ -262,12 +322,15 @@ void tsuya_material_eval_batch(const tsuya_material *m, const double *dye, const
     if (m->coupling == TSUYA_DYE_UNDER_SURFACE) {
         tsuya_dye_add_batch(m->albedo, dye, batch, value);
     }
-    for (int c = 0; c < m->channel_count; ++c) {
-        float *plane = value + (size_t)c * (size_t)count;
-        float constant = m->coupling == TSUYA_DYE_LAMBERT ? (float)(dye[c] / M_PI) : 0.0f;
-        for (int k = 0; k < count; ++k) {
-            bool seen = batch->wi_z[k] > 0.0f && batch->wo_z[k] > 0.0f;
-            plane[k] = seen ? plane[k] + constant : 0.0f;
+    for (int from = 0; from < count; from += BLOCK) {
+        int here = count - from < BLOCK ? count - from : BLOCK;
+        seen_block(seen, batch, from, here);
+        for (int c = 0; c < m->channel_count; ++c) {
+            float *restrict plane = value + (size_t)c * (size_t)count + from;
+            float constant = m->coupling == TSUYA_DYE_LAMBERT ? (float)(dye[c] / M_PI) : 0.0f;
+            for (int k = 0; k < here; ++k) {
+                plane[k] = seen[k] > 0.0f ? plane[k] + constant : 0.0f;
+            }
         }
     }
 }

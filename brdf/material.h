@@ -1,7 +1,7 @@
 /* Materials: how a cloth reflects, whatever model was fitted to it.
  *
  * Frame: x weft, y warp, z normal; wi (to the light) and wo (to the viewer) are unit and leave the surface.  Values are the
- * BRDF in sr⁻¹, without the cosine, one per channel, and 0 where either direction lies on or under the surface.
+ * BRDF in sr⁻¹, without the cosine, one per channel, and 0 where either direction lies on or under the surface or is not finite.
  *
  * Every material is a surface part, which the model describes, with a dye under it (paper fig. 15: black satin measured, any
  * colour shown):
@@ -78,6 +78,22 @@ TSUYA_API double tsuya_material_eval_pdf(const tsuya_material *material, const d
 /* Draws wi from three uniform numbers in [0, 1); false when the draw ended under the surface (it counts as a zero). */
 TSUYA_API bool tsuya_material_sample(const tsuya_material *material, const double *dye, tsuya_vec3 wo, const double u[3],
                                      tsuya_vec3 *wi);
+/* One viewer, many lights: what depends on wo alone, looked up once.  A value; `material` and `dye` must outlive it. */
+typedef struct tsuya_material_view {
+    const tsuya_material *material;
+    const double *dye; /* never NULL */
+    tsuya_vec3 wo;     /* under the surface: everything is 0 */
+    double limit, dye_share;
+    bool coloured;
+    double rest[TSUYA_MATERIAL_MAX_CHANNELS]; /* what the surface part leaves to the dye; only channel_count of them are set */
+} tsuya_material_view;
+/* The functions above with (wi, wo) are these with a view that is thrown away, to the bit. */
+TSUYA_API tsuya_material_view tsuya_material_view_of(const tsuya_material *material, const double *dye, tsuya_vec3 wo);
+TSUYA_API void tsuya_material_view_eval(const tsuya_material_view *view, tsuya_vec3 wi, double *value);
+TSUYA_API double tsuya_material_view_pdf(const tsuya_material_view *view, tsuya_vec3 wi);
+TSUYA_API double tsuya_material_view_eval_pdf(const tsuya_material_view *view, tsuya_vec3 wi, double *value);
+TSUYA_API bool tsuya_material_view_sample(const tsuya_material_view *view, const double u[3], tsuya_vec3 *wi);
+
 /* Directional albedo ∫ f cosθi dwi for light seen from wo, channel_count values, tabulated (to a few 1e-3). */
 TSUYA_API void tsuya_material_albedo(const tsuya_material *material, const double *dye, tsuya_vec3 wo, double *value);
 

@@ -16,6 +16,11 @@ typedef struct tsuya_brdf_model {
     double (*pdf)(const void *state, tsuya_vec3 wi, tsuya_vec3 wo);
     /* false when the draw ended under the surface */
     bool (*sample)(const void *state, tsuya_vec3 wo, const double u[2], tsuya_vec3 *wi);
+    /* The same draws for many viewers at once, for quadratures; both NULL: by `sample` and `pdf`.  shared_draws: what all viewers
+     * have in common of `total` draws, three planes.  take_draws: `count` of them from number `from` on (`shared` + from are
+     * their planes, `total` apart), as wi and weight = cosθi / (pdf total), 0 where the draw ended under the surface. */
+    void (*shared_draws)(const void *state, int total, float *shared);
+    void (*take_draws)(const void *state, tsuya_vec3 wo, const float *shared, int total, int from, int count, float *const wi[3], float *weight);
     /* Directional albedo of the surface part for the table of brdf/dye.h; NULL: the material integrates by `sample`. */
     void (*albedo)(const void *state, int channels, tsuya_vec3 wo, double *value);
     /* `parameters` is the JSON object of that name; its errors name the file. */
@@ -23,6 +28,7 @@ typedef struct tsuya_brdf_model {
     void (*to_json)(const void *state, int channels, tsuya_json *parameters);
     void (*free_state)(void *state); /* NULL where the model has no state */
     size_t (*bytes)(const void *state);
+    bool mirrored;  /* f stays when x of both directions changes its sign, and when y does */
     bool unbounded; /* may reflect more than it receives: the material holds it at 1 (brdf/dye.h) */
 } tsuya_brdf_model;
 

@@ -1,4 +1,5 @@
 /* The cloth's own model in float, eight directions at a time: angles and curves side by side, the net channel by channel. */
+#include "brdf/kernel.h"
 #include "brdf/sheen.h"
 
 #include "core/clones.h"
@@ -8,38 +9,12 @@
 enum { BLOCK = 64, LANES = 4 };
 typedef float lanes __attribute__((vector_size(LANES * sizeof(float)), aligned(4)));
 typedef float pairs __attribute__((vector_size(8 * sizeof(float)), aligned(4)));
-static const float half_pi = 1.57079632679f, quarter_pi = 0.785398163397f, two_pi = 6.28318530718f;
 
 /* Angles of one block as places on the knots, and what multiplies the net. */
 typedef struct block {
     float t[BLOCK], b[BLOCK], u[BLOCK], v[BLOCK], d[BLOCK]; /* places: ψt, ψb, φh, θh, θd in intervals */
     float warp[BLOCK], weft[BLOCK], falloff[BLOCK];         /* warp, weft: logarithms first */
 } block;
-
-/* atan of x ≥ 0 to 2e-7: two reductions and an odd polynomial (S. Moshier, Cephes). */
-static inline float arc_tangent(float x)
-{
-    float big = x > 2.41421356f ? 1.0f : 0.0f, middle = x > 0.414213562f && x <= 2.41421356f ? 1.0f : 0.0f;
-    float top = big > 0.0f ? -1.0f : middle > 0.0f ? x - 1.0f : x, bottom = big > 0.0f ? x : middle > 0.0f ? x + 1.0f : 1.0f;
-    float t = top / bottom, z = t * t;
-    float p = (((8.05374449538e-2f * z - 1.38776856032e-1f) * z + 1.99777106478e-1f) * z - 3.33329491539e-1f) * z * t + t;
-    return p + big * half_pi + middle * quarter_pi;
-}
-
-/* exp for |x| < 80. */
-static inline float exponential(float x)
-{
-    x = x < -80.0f ? -80.0f : x > 80.0f ? 80.0f : x;
-    float k = x * 1.44269504089f;
-    int n = (int)(k + (k >= 0.0f ? 0.5f : -0.5f));
-    float r = (x - (float)n * 0.693359375f) + (float)n * 2.12194440e-4f;
-    float p = 1.0f + r * (1.0f + r * (0.5f + r * (1.6666665e-1f + r * (4.1665795e-2f + r * (8.3334519e-3f + r * 1.3981999e-3f)))));
-    union {
-        int i;
-        float f;
-    } power = {(n + 127) << 23};
-    return p * power.f;
-}
 
 static inline void cubic(float w[4], float t)
 {

@@ -50,6 +50,16 @@ static bool sample(const void *state, tsuya_vec3 wo, const double u[2], tsuya_ve
     return tsuya_half_table_sample(((const tsuya_sheen *)state)->half, wo, u, wi);
 }
 
+static void shared_draws(const void *state, int total, float *shared)
+{
+    tsuya_half_table_shared_draws(((const tsuya_sheen *)state)->half, total, shared);
+}
+
+static void take_draws(const void *state, tsuya_vec3 wo, const float *shared, int total, int from, int count, float *const wi[3], float *weight)
+{
+    tsuya_half_table_take_draws(((const tsuya_sheen *)state)->half, wo, shared, total, from, count, wi, weight);
+}
+
 static tsuya_status read_count(int *count, const tsuya_json *object, const char *key, int low, int high)
 {
     double number;
@@ -174,10 +184,11 @@ static size_t bytes(const void *state)
     return sizeof *s + curves + channels + net + tsuya_half_table_bytes(s->half);
 }
 
-#define SHEEN_MODEL(model_name, reader)                                                                                  \
-    {                                                                                                                    \
-        .name = model_name, .eval = tsuya_sheen_eval, .eval_batch = tsuya_sheen_eval_batch, .pdf = pdf, .sample = sample, \
-        .from_json = reader, .to_json = to_json, .free_state = tsuya_sheen_free, .bytes = bytes, .unbounded = true,       \
+#define SHEEN_MODEL(model_name, reader)                                                                                   \
+    {                                                                                                                     \
+        .name = model_name, .eval = tsuya_sheen_eval, .eval_batch = tsuya_sheen_eval_batch, .pdf = pdf, .sample = sample,  \
+        .shared_draws = shared_draws, .take_draws = take_draws, .from_json = reader, .to_json = to_json,                   \
+        .free_state = tsuya_sheen_free, .bytes = bytes, .unbounded = true,                                                 \
     }
 const tsuya_brdf_model tsuya_brdf_yarn = SHEEN_MODEL("yarn", yarn_from_json);
 const tsuya_brdf_model tsuya_brdf_ndf = SHEEN_MODEL("ndf", ndf_from_json);

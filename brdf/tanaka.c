@@ -106,6 +106,16 @@ static bool sample(const void *state, tsuya_vec3 wo, const double u[2], tsuya_ve
     return tsuya_half_table_sample(((const tsuya_tanaka *)state)->half, wo, u, wi);
 }
 
+static void shared_draws(const void *state, int total, float *shared)
+{
+    tsuya_half_table_shared_draws(((const tsuya_tanaka *)state)->half, total, shared);
+}
+
+static void take_draws(const void *state, tsuya_vec3 wo, const float *shared, int total, int from, int count, float *const wi[3], float *weight)
+{
+    tsuya_half_table_take_draws(((const tsuya_tanaka *)state)->half, wo, shared, total, from, count, wi, weight);
+}
+
 static size_t net_size(const tsuya_tanaka *t) { return (size_t)tsuya_sheen_net_points(t->nu, t->nv, 0) * (size_t)t->line; }
 
 tsuya_status tsuya_tanaka_create(tsuya_tanaka **state, int channels, int nu, int nv)
@@ -192,6 +202,8 @@ const tsuya_brdf_model tsuya_brdf_tanaka = {
     .eval_batch = eval_batch,
     .pdf = pdf,
     .sample = sample,
+    .shared_draws = shared_draws,
+    .take_draws = take_draws,
     .from_json = from_json,
     .to_json = to_json,
     .free_state = tsuya_tanaka_free,

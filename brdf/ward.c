@@ -72,5 +72,6 @@ const tsuya_brdf_model tsuya_brdf_ward = {
     .to_json = to_json,
     .free_state = tsuya_free,
     .bytes = tsuya_lobe_bytes,
+    .mirrored = true,
     .unbounded = true,
 };

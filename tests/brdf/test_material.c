@@ -260,6 +260,28 @@ static void test_batch_like_double(void **state)
     }
 }
 
+/* A view that was looked up once says the same as a lookup with every call, to the bit. */
+static void test_view(void **state)
+{
+    (void)state;
+    const double dye[3] = {0.3, 0.0, 0.1};
+    for (int k = 0; k < MATERIALS * 200; ++k) {
+        const tsuya_material *m = material[k % MATERIALS];
+        const double *with = k / MATERIALS % 2 ? dye : NULL;
+        tsuya_vec3 wi = random_direction(31, (uint64_t)k), wo = random_direction(32, (uint64_t)k), one, other;
+        wo.z = k / MATERIALS % 10 == 3 ? -wo.z : wo.z;
+        double a[3], b[3];
+        const double u[3] = {tsuya_random_uniform(33, 1, (uint64_t)k), tsuya_random_uniform(33, 2, (uint64_t)k), tsuya_random_uniform(33, 3, (uint64_t)k)};
+        tsuya_material_view v = tsuya_material_view_of(m, with, wo);
+        assert_true(tsuya_material_view_eval_pdf(&v, wi, a) == tsuya_material_pdf(m, with, wi, wo));
+        tsuya_material_eval(m, with, wi, wo, b);
+        assert_memory_equal(a, b, sizeof a);
+        bool drawn = tsuya_material_view_sample(&v, u, &one);
+        assert_true(drawn == tsuya_material_sample(m, with, wo, u, &other));
+        assert_true(!drawn || memcmp(&one, &other, sizeof one) == 0);
+    }
+}
+
 static void check_finite(const tsuya_material *m, tsuya_vec3 wi, tsuya_vec3 wo)
 {
     double f[3], albedo[3];
@@ -445,6 +467,7 @@ int main(void)
         cmocka_unit_test(test_white_furnace),
         cmocka_unit_test(test_sampling_follows_pdf),
         cmocka_unit_test(test_batch_like_double),
+        cmocka_unit_test(test_view),
         cmocka_unit_test(test_hard_directions),
         cmocka_unit_test(test_continuity),
         cmocka_unit_test(test_dye),
