@@ -55,7 +55,6 @@ TSUYA_MUST_CHECK tsuya_status tsuya_command_output(char **folder, char **file, c
                                                    const char *default_name);
 
 extern const tsuya_command tsuya_commands[]; /* ends with a NULL name */
-extern const char *const tsuya_later_commands[]; /* refused by name; NULL-terminated */
 
 int tsuya_command_demo(int argc, char **argv);
 int tsuya_command_run(int argc, char **argv);
@@ -65,6 +64,7 @@ int tsuya_command_capture_target(int argc, char **argv);
 int tsuya_command_calib_camera(int argc, char **argv);
 int tsuya_command_calib_compare(int argc, char **argv);
 int tsuya_command_calib_color(int argc, char **argv);
+int tsuya_command_calib_light(int argc, char **argv);
 int tsuya_command_reconstruct(int argc, char **argv);
 int tsuya_command_weave_image(int argc, char **argv);
 int tsuya_command_weave_mesh(int argc, char **argv);

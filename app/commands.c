@@ -9,6 +9,7 @@ const tsuya_command tsuya_commands[] = {
     {"calib camera", "photographs of a board to a camera model with an error that can be believed", tsuya_command_calib_camera},
     {"calib compare", "projection difference of two camera models: has the camera drifted?", tsuya_command_calib_compare},
     {"calib color", "white balance, colour matrix and vignetting from a 24-patch chart and grey cards", tsuya_command_calib_color},
+    {"calib light", "position, direction and falloff of a lamp from a matte plate with tags or from mirror balls", tsuya_command_calib_light},
     {"reconstruct", "photographs to a cloud and a surface", tsuya_command_reconstruct},
     {"weave image", "thread directions, periods and confidence of a photograph, patch by patch", tsuya_command_weave_image},
     {"weave mesh", "lifts the threads of all photographs to one weft field on the surface", tsuya_command_weave_mesh},
@@ -22,9 +23,4 @@ const tsuya_command tsuya_commands[] = {
     {"render", "shades a mesh with its weft field and materials", tsuya_command_render},
     {"bench", "speed against error, stage by stage, with peers in the same run", tsuya_command_bench},
     {NULL, NULL, NULL},
-};
-
-/* Commands of the interface that later versions bring. */
-const char *const tsuya_later_commands[] = {
-    "calib light", NULL,
 };

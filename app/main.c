@@ -56,12 +56,6 @@ static int refuse_command(int argc, char **argv)
     char typed[160];
     bool two_words = argc > 2 && argv[2][0] != '-';
     snprintf(typed, sizeof typed, "%.60s%s%.60s", argv[1], two_words ? " " : "", two_words ? argv[2] : "");
-    for (int i = 0; tsuya_later_commands[i]; i++) {
-        if (is_command(tsuya_later_commands[i], argc, argv)) {
-            tsuya_terminal_say("'%s' is not in this version (%s); 'tsuya --help' lists the commands", tsuya_later_commands[i], TSUYA_VERSION);
-            return TSUYA_EXIT_USAGE;
-        }
-    }
     const char *names[64] = {0};
     int count = 0;
     for (const tsuya_command *c = tsuya_commands; c->name; c++) {

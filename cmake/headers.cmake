@@ -27,6 +27,7 @@ set(TSUYA_PUBLIC_HEADERS
   calib/corners.h
   calib/covariance.h
   calib/detect.h
+  calib/lamp.h
   calib/projection.h
   calib/refine.h
   calib/solve.h

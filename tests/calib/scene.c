@@ -135,10 +135,11 @@ static void draw_pixel(tsuya_image *image, const print *p, const tsuya_camera *c
     }
     double jacobian[4] = {2.0 * (right.x - at.x), 2.0 * (below.x - at.x), 2.0 * (right.y - at.y), 2.0 * (below.y - at.y)}, value;
     float *out = tsuya_image_f32(image, x, y);
+    double light = p->look->light ? p->look->light(p->look->light_user, at.x, at.y) : 1.0;
     if (even(&value, p, at, jacobian)) {
-        *out = value < 0.0 ? *out : (float)value;
+        *out = value < 0.0 ? *out : (float)(value * light);
     } else {
-        *out = (float)average(p, at, jacobian, (double)*out, (uint64_t)y * 65536u + (uint64_t)x);
+        *out = (float)(light * average(p, at, jacobian, (double)*out / light, (uint64_t)y * 65536u + (uint64_t)x));
     }
 }
 

@@ -17,6 +17,8 @@ typedef struct scene_look {
     tsuya_sample sample;   /* 8 or 16 bits */
     double row_gain;       /* exposure of the last row over the first's (rolling exposure); 1: even */
     double bulge_m;        /* the plate bends: z = bulge (1 − r²), r to its corner (0: flat) */
+    double (*light)(const void *user, double x_m, double y_m); /* factor at a place of the plate; NULL: even */
+    const void *light_user;
     uint64_t seed;
 } scene_look;
 

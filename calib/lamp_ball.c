@@ -1,0 +1,335 @@
+/* Highlights of mirror balls, and the lamp that makes them. */
+#include "calib/lamp_parts.h"
+
+#include "core/memory.h"
+
+#include <string.h>
+
+enum { LAMP = 3, STEPS = 60, ROUNDS = 3 };
+static const double PLACE_SIGMA_M = 1e-3, FIRST_SIGMA_PX = 0.5, OUTLINE = 0.97, SPOT = 0.7, STANDS_OUT = 3.0, SPOT_SHARE = 0.15;
+
+/* The window of a photograph that holds a ball. */
+typedef struct window {
+    int x0, y0, width, height, inside;
+    float *value;          /* linear; negative outside the outline */
+    int *label, *stack;
+} window;
+
+static void window_free(window *w)
+{
+    tsuya_free(w->value);
+    tsuya_free(w->label);
+    tsuya_free(w->stack);
+}
+
+static double linear(const tsuya_image *photo, int x, int y)
+{
+    double sum = 0.0;
+    for (int c = 0; c < 3; c++) {
+        float v = tsuya_image_get(photo, x, y, photo->channels >= 3 ? c : 0);
+        sum += (double)(photo->encoding == TSUYA_ENCODING_SRGB ? tsuya_srgb_decode(v) : v) / 3.0;
+    }
+    return sum;
+}
+
+static tsuya_vec3 center_of(const tsuya_lamp_ball *b) { return (tsuya_vec3){b->x_m, b->y_m, 0.5 * b->diameter_m}; }
+
+static tsuya_status cut_window(window *w, const tsuya_image *photo, const char *name, const tsuya_camera *camera, tsuya_vec3 c, double radius_m)
+{
+    tsuya_vec2 middle;
+    tsuya_status status = TSUYA_OK;
+    double distance = tsuya_vec3_norm(c);
+    *w = (window){0};
+    if (!tsuya_camera_project(camera, c, &middle) || distance <= radius_m) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: the ball lies behind the camera", name);
+    }
+    int reach = (int)ceil(1.6 * fmax(camera->fx_px, camera->fy_px) * radius_m / c.z) + 2;
+    w->x0 = (int)middle.x - reach;
+    w->y0 = (int)middle.y - reach;
+    w->width = w->height = 2 * reach + 1;
+    if (w->x0 < 0 || w->y0 < 0 || w->x0 + w->width > photo->width_px || w->y0 + w->height > photo->height_px) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: the ball at %.0f, %.0f px is not wholly in the picture", name, middle.x, middle.y);
+    }
+    size_t n = (size_t)w->width * (size_t)w->height;
+    TSUYA_NEW(status, w->value, n);
+    TSUYA_NEW(status, w->label, n);
+    TSUYA_NEW(status, w->stack, n);
+    double least = cos(OUTLINE * asin(radius_m / distance)) * distance;
+    for (int i = 0; i < w->width * w->height; i++) {
+        tsuya_vec3 ray;
+        int x = w->x0 + i % w->width, y = w->y0 + i / w->width;
+        bool in = tsuya_camera_unproject(camera, (tsuya_vec2){x, y}, &ray) && tsuya_vec3_dot(ray, c) > least;
+        w->value[i] = in ? (float)linear(photo, x, y) : -1.0f;
+        w->inside += in;
+    }
+done:
+    return status;
+}
+
+typedef struct spot { int pixels; double weight, x, y; } spot;
+
+/* One connected spot above the threshold, by flooding. */
+static spot flood(window *w, int from, float threshold)
+{
+    spot s = {0};
+    int top = 0;
+    w->stack[top++] = from;
+    w->label[from] = 1;
+    while (top) {
+        int i = w->stack[--top], x = i % w->width, y = i / w->width;
+        s.pixels++;
+        s.weight += (double)w->value[i];
+        s.x += (double)w->value[i] * x;
+        s.y += (double)w->value[i] * y;
+        for (int k = 0; k < 8; k++) {
+            static const int dx[] = {-1, 0, 1, -1, 1, -1, 0, 1}, dy[] = {-1, -1, -1, 0, 0, 1, 1, 1};
+            int u = x + dx[k], v = y + dy[k], j = v * w->width + u;
+            if (u >= 0 && v >= 0 && u < w->width && v < w->height && !w->label[j] && w->value[j] > threshold) {
+                w->label[j] = 1;
+                w->stack[top++] = j;
+            }
+        }
+    }
+    s.x = w->x0 + s.x / s.weight;
+    s.y = w->y0 + s.y / s.weight;
+    return s;
+}
+
+static tsuya_status brightest(tsuya_vec2 *pixel, window *w, const char *name)
+{
+    int n = w->width * w->height, k = 0;
+    double most = 0.0, *inside = tsuya_calloc((size_t)w->inside, sizeof *inside);
+    spot first = {0}, second = {0};
+    if (!inside) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    for (int i = 0; i < n; i++) {
+        if (w->value[i] >= 0.0f) {
+            inside[k++] = (double)w->value[i];
+            most = fmax(most, (double)w->value[i]);
+        }
+    }
+    double typical = tsuya_lamp_median(inside, k);
+    tsuya_free(inside);
+    if (!(most > STANDS_OUT * typical)) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: no highlight stands out in the ball (brightest %.3f, typical %.3f of the range); expose less, in a dark room", name,
+                          most, typical);
+    }
+    for (int i = 0; i < n; i++) {
+        if (!w->label[i] && w->value[i] > (float)(SPOT * most)) {
+            spot s = flood(w, i, (float)(SPOT * most));
+            if (s.pixels > first.pixels) {
+                second = first;
+                first = s;
+            } else if (s.pixels > second.pixels) {
+                second = s;
+            }
+        }
+    }
+    if (2 * second.pixels > first.pixels && second.pixels > 3) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: two highlights in the ball, at %.0f, %.0f and %.0f, %.0f px; one lamp at a time is expected", name, first.x,
+                          first.y, second.x, second.y);
+    }
+    if (first.pixels > SPOT_SHARE * w->inside) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: the highlight fills %.0f %% of the ball; a lamp is a small spot: expose less", name, 100.0 * first.pixels / w->inside);
+    }
+    *pixel = (tsuya_vec2){first.x, first.y};
+    return TSUYA_OK;
+}
+
+tsuya_status tsuya_lamp_ball_find(tsuya_lamp_highlight *highlight, const tsuya_image *photo, const char *name, const tsuya_camera *camera,
+                                  tsuya_pose camera_from_world, const tsuya_lamp_ball *ball)
+{
+    window w;
+    tsuya_status status = cut_window(&w, photo, name, camera, tsuya_pose_apply(camera_from_world, center_of(ball)), 0.5 * ball->diameter_m);
+    highlight->camera_from_world = camera_from_world;
+    if (status == TSUYA_OK) {
+        status = brightest(&highlight->pixel, &w, name);
+    }
+    window_free(&w);
+    return status;
+}
+
+/* What is estimated. */
+typedef struct scene {
+    const tsuya_lamp_highlight *highlight;
+    const tsuya_lamp_ball *given;
+    const tsuya_camera *camera;
+    tsuya_vec3 middle;
+    int count, balls;
+    double sigma_px;
+    tsuya_vec3 to_lamp;
+    double inverse_m;
+    double shift_m[TSUYA_LAMP_BALLS][2];
+} scene;
+
+static double angle_between(tsuya_vec3 a, tsuya_vec3 b) { return atan2(tsuya_vec3_norm(tsuya_vec3_cross(a, b)), tsuya_vec3_dot(a, b)); }
+
+static tsuya_vec3 way(const scene *s, tsuya_vec3 from) { return tsuya_vec3_mad(s->to_lamp, -s->inverse_m, tsuya_vec3_sub(from, s->middle)); }
+
+/* Where the ball mirrors the lamp to the eye: the normal between both directions at which the angles are alike (Alhazen). */
+static tsuya_vec3 mirror_point(const scene *s, tsuya_vec3 eye, tsuya_vec3 center, double radius)
+{
+    tsuya_vec3 a = tsuya_vec3_unit(tsuya_vec3_sub(eye, center)), b = tsuya_vec3_unit(way(s, center)), q = center;
+    double low = 0.0, high = 1.0, apart = angle_between(a, b);
+    tsuya_vec3 side = tsuya_vec3_tangent(b, a);
+    for (int k = 0; k < 50; k++) {
+        double t = 0.5 * (low + high) * apart;
+        tsuya_vec3 n = tsuya_vec3_add(tsuya_vec3_scale(a, cos(t)), tsuya_vec3_scale(side, sin(t)));
+        q = tsuya_vec3_mad(center, radius, n);
+        *(angle_between(n, tsuya_vec3_sub(eye, q)) < angle_between(n, way(s, q)) ? &low : &high) = 0.5 * (low + high);
+    }
+    return q;
+}
+
+static tsuya_vec3 moved_center(const scene *s, int ball)
+{
+    tsuya_vec3 c = center_of(&s->given[ball]);
+    c.x += s->shift_m[ball][0];
+    c.y += s->shift_m[ball][1];
+    return c;
+}
+
+static void residuals(double *row, const void *at)
+{
+    const scene *s = at;
+    for (int i = 0; i < s->count; i++) {
+        const tsuya_lamp_highlight *h = &s->highlight[i];
+        tsuya_vec2 pixel;
+        tsuya_vec3 q = mirror_point(s, tsuya_pose_center(h->camera_from_world), moved_center(s, h->ball), 0.5 * s->given[h->ball].diameter_m);
+        bool seen = tsuya_camera_project(s->camera, tsuya_pose_apply(h->camera_from_world, q), &pixel);
+        row[2 * i] = seen ? (h->pixel.x - pixel.x) / s->sigma_px : 1e3;
+        row[2 * i + 1] = seen ? (h->pixel.y - pixel.y) / s->sigma_px : 1e3;
+    }
+    for (int b = 0; b < s->balls; b++) {
+        row[2 * (s->count + b)] = s->shift_m[b][0] / PLACE_SIGMA_M;
+        row[2 * (s->count + b) + 1] = s->shift_m[b][1] / PLACE_SIGMA_M;
+    }
+}
+
+static void move(void *at, const double *step)
+{
+    scene *s = at;
+    s->to_lamp = tsuya_lamp_turn(s->to_lamp, step[0], step[1]);
+    s->inverse_m = fmax(s->inverse_m + step[2], 0.0);
+    for (int b = 0; b < s->balls; b++) {
+        s->shift_m[b][0] += step[LAMP + 2 * b];
+        s->shift_m[b][1] += step[LAMP + 2 * b + 1];
+    }
+}
+
+/* Mean direction of the mirrored rays, the balls where they were measured. */
+static tsuya_vec3 first_direction(const scene *s)
+{
+    tsuya_vec3 sum = {0, 0, 0};
+    for (int i = 0; i < s->count; i++) {
+        const tsuya_lamp_highlight *h = &s->highlight[i];
+        tsuya_vec3 ray, eye = tsuya_pose_center(h->camera_from_world), c = center_of(&s->given[h->ball]);
+        double radius = 0.5 * s->given[h->ball].diameter_m;
+        if (!tsuya_camera_unproject(s->camera, h->pixel, &ray)) {
+            continue;
+        }
+        tsuya_vec3 d = tsuya_mat3_apply_transposed(h->camera_from_world.rotation, ray), to = tsuya_vec3_sub(c, eye);
+        double along = tsuya_vec3_dot(to, d), short2 = radius * radius - (tsuya_vec3_dot(to, to) - along * along);
+        tsuya_vec3 n = tsuya_vec3_unit(tsuya_vec3_sub(tsuya_vec3_mad(eye, along - sqrt(fmax(short2, 0.0)), d), c));
+        sum = tsuya_vec3_add(sum, tsuya_vec3_mad(d, -2.0 * tsuya_vec3_dot(d, n), n));
+    }
+    return tsuya_vec3_unit(sum);
+}
+
+static void set_result(tsuya_lamp *lamp, const scene *s, const double *c, int n)
+{
+    tsuya_vec3 t[2];
+    double d = 1.0 / fmax(s->inverse_m, 1e-9), by[3][3];
+    tsuya_lamp_tangents(t, s->to_lamp);
+    for (int i = 0; i < 3; i++) {
+        by[i][0] = d * (&t[0].x)[i], by[i][1] = d * (&t[1].x)[i], by[i][2] = -d * d * (&s->to_lamp.x)[i];
+    }
+    for (int i = 0; i < 9; i++) {
+        for (int a = 0; a < 9; a++) {
+            lamp->position_cov_m2[i] += by[i / 3][a / 3] * c[(a / 3) * n + a % 3] * by[i % 3][a % 3];
+        }
+    }
+    lamp->to_lamp = s->to_lamp;
+    lamp->distance_m = d;
+    lamp->distance_sigma_m = d * d * sqrt(c[2 * (n + 1)]);
+    lamp->position_m = tsuya_vec3_mad(s->middle, d, s->to_lamp);
+    lamp->to_lamp_sigma_deg = tsuya_deg_from_rad(sqrt(0.5 * (c[0] + c[n + 1]) + hypot(0.5 * (c[0] - c[n + 1]), c[1])));
+    lamp->direction = tsuya_vec3_scale(s->to_lamp, -1.0);
+    lamp->direction_sigma_deg = lamp->falloff_sigma = lamp->distance_exponent_sigma = INFINITY;
+    lamp->distance_exponent = 2.0;
+    lamp->rgb[0] = lamp->rgb[1] = lamp->rgb[2] = 1.0;
+    lamp->rgb_sigma_rel = INFINITY;
+}
+
+static tsuya_status no_distance(const scene *s)
+{
+    return tsuya_fail(TSUYA_ERROR_INPUT, "%d highlight%s the lamp's direction (%.2f %.2f %.2f) but no distance; photograph a ball at another place too, as far away "
+                      "as the mat allows", s->count, s->count == 1 ? " gives" : "s give", s->to_lamp.x, s->to_lamp.y, s->to_lamp.z);
+}
+
+static tsuya_status check_result(tsuya_lamp *lamp, const scene *s, double spread_m)
+{
+    double sigma = lamp->distance_sigma_m / (lamp->distance_m * lamp->distance_m), nearest = 1.0 / (s->inverse_m + 2.0 * sigma);
+    lamp->far_away = sigma > 0.2 * s->inverse_m;
+    return lamp->far_away && (nearest < 4.0 * spread_m || lamp->to_lamp_sigma_deg > 3.0) ? no_distance(s) : TSUYA_OK;
+}
+
+/* Solves with sigmas from the residuals themselves. */
+static tsuya_status solve(double *covariance, scene *s, double spread_m)
+{
+    double nudge[LAMP + 2 * TSUYA_LAMP_BALLS], cost;
+    int n = LAMP + 2 * s->balls;
+    for (int k = 0; k < n; k++) {
+        nudge[k] = k < 2 ? 1e-5 : k == 2 ? 1e-5 / fmax(spread_m, 0.05) : 1e-7;
+    }
+    tsuya_lamp_problem p = {s, sizeof *s, n, 2 * (s->count + s->balls), residuals, move, nudge};
+    for (int round = 0; round < ROUNDS; round++) {
+        TSUYA_TRY(tsuya_lamp_descend(&cost, &p, STEPS));
+        double freedom = 2.0 * s->count - LAMP;
+        if (freedom >= 3.0) {
+            s->sigma_px = fmax(s->sigma_px * sqrt(cost / freedom), 0.05);
+        }
+    }
+    tsuya_status status = tsuya_lamp_covariance(covariance, &p);
+    return status == TSUYA_ERROR_NUMERIC ? no_distance(s) : status;
+}
+
+tsuya_status tsuya_lamp_ball_fit(tsuya_lamp *lamp, tsuya_lamp_ball *ball, int balls, tsuya_lamp_highlight *highlight, int count, const tsuya_camera *camera)
+{
+    double covariance[(LAMP + 2 * TSUYA_LAMP_BALLS) * (LAMP + 2 * TSUYA_LAMP_BALLS)], row[2], spread = 0.0;
+    scene s = {.highlight = highlight, .given = ball, .camera = camera, .count = count, .balls = balls, .sigma_px = FIRST_SIGMA_PX};
+    *lamp = (tsuya_lamp){.highlights = count};
+    for (int b = 0; b < balls; b++) {
+        s.middle = tsuya_vec3_mad(s.middle, 1.0 / balls, center_of(&ball[b]));
+    }
+    for (int b = 0; b < balls; b++) {
+        spread = fmax(spread, tsuya_vec3_norm(tsuya_vec3_sub(center_of(&ball[b]), s.middle)));
+    }
+    s.to_lamp = first_direction(&s);
+    s.inverse_m = 1.0;
+    if (!(tsuya_vec3_norm(s.to_lamp) > 0.5)) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "the highlights lie beside the balls; check the balls' places and diameters");
+    }
+    TSUYA_TRY(solve(covariance, &s, spread));
+    set_result(lamp, &s, covariance, LAMP + 2 * balls);
+    scene all = s;
+    for (int i = 0; i < count; i++) {
+        scene one = all;
+        double rows[2 + 2 * TSUYA_LAMP_BALLS];
+        one.highlight = &highlight[i];
+        one.count = 1;
+        one.sigma_px = 1.0;
+        residuals(rows, &one);
+        memcpy(row, rows, sizeof row);
+        highlight[i].residual_px = (tsuya_vec2){row[0], row[1]};
+        lamp->rms_px += (row[0] * row[0] + row[1] * row[1]) / (2.0 * count);
+    }
+    lamp->rms_px = sqrt(lamp->rms_px);
+    TSUYA_TRY(check_result(lamp, &s, spread));
+    for (int b = 0; b < balls; b++) {
+        ball[b].x_m += s.shift_m[b][0];
+        ball[b].y_m += s.shift_m[b][1];
+    }
+    return TSUYA_OK;
+}

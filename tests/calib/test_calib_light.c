@@ -1,0 +1,188 @@
+/* Lamp from readings of a matte plate and from mirror balls; the truth in lamp_scene.h. */
+#include "lamp_scene.h"
+
+#include "calib/lamp.h"
+#include "core/memory.h"
+
+enum { COLS = 4, ROWS = 3, RUNS = 24 };
+
+/* Readings as the photographs of the plate would give them: relative noise a reading, an exposure of its own a photograph. */
+static void make_readings(tsuya_lamp_readings *r, const lamp_truth *l, int photos, double noise, double exposure, uint64_t seed, double turn)
+{
+    tsuya_pose camera = lamp_camera();
+    tsuya_vec3 eye = tsuya_pose_center(camera);
+    *r = (tsuya_lamp_readings){.photos = photos, .plates = 1};
+    r->reading = tsuya_calloc((size_t)photos * COLS * ROWS, sizeof *r->reading);
+    for (int k = 0; k < photos; k++) {
+        tsuya_pose pose = lamp_plate(k);
+        pose.rotation = tsuya_mat3_from_rodrigues(tsuya_vec3_scale(tsuya_rodrigues_from_mat3(pose.rotation), turn));
+        pose.translation.z *= turn;
+        double gain = exp(exposure * tsuya_random_normal(seed, 1, (uint64_t)k));
+        for (int i = 0; i < COLS * ROWS; i++) {
+            tsuya_lamp_reading *out = &r->reading[r->count++];
+            *out = (tsuya_lamp_reading){.photo = k};
+            out->place_m = (tsuya_vec2){0.015 + 0.039 * (i % COLS), 0.015 + 0.039 * (i / COLS)};
+            out->position_m = tsuya_pose_apply(pose, (tsuya_vec3){out->place_m.x, out->place_m.y, 0});
+            out->normal = tsuya_mat3_apply(pose.rotation, (tsuya_vec3){0, 0, 1});
+            double v = gain * lamp_radiance(l, out->position_m, out->normal, eye) * (1.0 + noise * tsuya_random_normal(seed, 2, (uint64_t)r->count));
+            out->rgb[0] = v, out->rgb[1] = 0.8 * v, out->rgb[2] = 0.5 * v;
+        }
+    }
+}
+
+static double away(tsuya_vec3 a, tsuya_vec3 b) { return tsuya_vec3_norm(tsuya_vec3_sub(a, b)); }
+
+static double degrees(tsuya_vec3 a, tsuya_vec3 b) { return tsuya_deg_from_rad(acos(fmin(tsuya_vec3_dot(tsuya_vec3_unit(a), tsuya_vec3_unit(b)), 1.0))); }
+
+static void say(const char *what, const tsuya_lamp *l, const lamp_truth *truth)
+{
+    printf("%s: %.1f mm off (sigma %.1f mm along, %.2f deg across), direction %.1f deg off (sigma %.1f), falloff %.2f +- %.2f (%.1f), power %.2f +- %.2f, "
+           "intensity %.3f (%.3f), rms %.2f %%, ambient %.4f (%.4f), %d of %d outliers%s\n", what, 1e3 * away(l->position_m, truth->position_m),
+           1e3 * l->distance_sigma_m, l->to_lamp_sigma_deg, degrees(l->direction, truth->direction), l->direction_sigma_deg, l->falloff, l->falloff_sigma,
+           truth->falloff, l->distance_exponent, l->distance_exponent_sigma, l->rgb[0], truth->intensity, 100 * l->rms, l->ambient[0], truth->ambient, l->outliers,
+           l->readings, l->far_away ? ", far away" : "");
+}
+
+static tsuya_lamp fit(const lamp_truth *truth, int photos, double noise, double exposure, uint64_t seed, const char *what)
+{
+    tsuya_lamp lamp;
+    tsuya_lamp_readings r;
+    tsuya_lamp_options options = tsuya_lamp_options_default();
+    options.vignetting_known = true;
+    make_readings(&r, truth, photos, noise, exposure, seed, 1.0);
+    assert_ok(tsuya_lamp_fit(&lamp, &r, &options));
+    tsuya_lamp_readings_free(&r);
+    if (what) {
+        say(what, &lamp, truth);
+    }
+    return lamp;
+}
+
+static void test_lamps_come_back(void **state)
+{
+    (void)state;
+    lamp_truth disk = lamp_usual();
+    tsuya_lamp l = fit(&disk, 14, 0.005, 0.003, 1, "even disk");
+    assert_true(away(l.position_m, disk.position_m) < 0.02);
+    assert_near(l.rgb[0] / disk.intensity, 1.0, 0.06);
+    assert_near(l.rgb[1] / l.rgb[0], 0.8, 0.005);
+    lamp_truth point = lamp_usual();
+    point.falloff = 0.0;
+    l = fit(&point, 14, 0.005, 0.003, 2, "bare point");
+    assert_true(away(l.position_m, point.position_m) < 0.02);
+    lamp_truth spot = lamp_usual();
+    spot.falloff = 8.0;
+    l = fit(&spot, 14, 0.005, 0.003, 3, "narrow lobe");
+    assert_true(away(l.position_m, spot.position_m) < 0.03 && degrees(l.direction, spot.direction) < 4.0);
+    assert_near(l.falloff, 8.0, 1.5);
+    lamp_truth far = lamp_usual();
+    far.position_m = (tsuya_vec3){72, 48, 96};
+    far.direction = (tsuya_vec3){-72, -48, -96};
+    far.intensity *= 22000.0;
+    l = fit(&far, 14, 0.005, 0.003, 4, "far lamp");
+    assert_true(l.far_away && degrees(l.to_lamp, far.position_m) < 1.0);
+}
+
+/* Stated over observed sigma of the place, over many draws of noise and exposure. */
+static void test_sigmas_are_honest(void **state)
+{
+    (void)state;
+    lamp_truth truth = lamp_usual();
+    truth.gloss = 0.0;
+    truth.diameter_m = 1e-4;
+    double stated = 0.0, seen = 0.0, stated_across = 0.0, seen_across = 0.0, falloff = 0.0, falloff_seen = 0.0;
+    for (int k = 0; k < RUNS; k++) {
+        tsuya_lamp l = fit(&truth, 12, 0.01, 0.01, 100 + (uint64_t)k, NULL);
+        tsuya_vec3 e = tsuya_vec3_sub(l.position_m, truth.position_m);
+        double along = tsuya_vec3_dot(e, l.to_lamp), across = tsuya_vec3_norm(tsuya_vec3_mad(e, -along, l.to_lamp));
+        stated += l.distance_sigma_m * l.distance_sigma_m;
+        seen += along * along;
+        for (int i = 0; i < 3; i++) {
+            stated_across += l.position_cov_m2[4 * i];
+        }
+        stated_across -= l.distance_sigma_m * l.distance_sigma_m;
+        seen_across += across * across;
+        falloff += l.falloff_sigma * l.falloff_sigma;
+        falloff_seen += (l.falloff - 1.0) * (l.falloff - 1.0);
+    }
+    printf("stated over observed sigma: along %.2f, across %.2f, falloff %.2f; observed %.1f mm along, %.1f across\n", sqrt(stated / seen),
+           sqrt(stated_across / seen_across), sqrt(falloff / falloff_seen), 1e3 * sqrt(seen / RUNS), 1e3 * sqrt(seen_across / RUNS));
+    assert_true(sqrt(stated / seen) > 0.75 && sqrt(stated / seen) < 1.33);
+    assert_true(sqrt(stated_across / seen_across) > 0.75 && sqrt(stated_across / seen_across) < 1.33);
+}
+
+static void test_shadows_and_hands_are_left_out(void **state)
+{
+    (void)state;
+    lamp_truth truth = lamp_usual();
+    tsuya_lamp lamp;
+    tsuya_lamp_readings r;
+    tsuya_lamp_options options = tsuya_lamp_options_default();
+    options.vignetting_known = true;
+    make_readings(&r, &truth, 14, 0.005, 0.003, 5, 1.0);
+    for (int i = 0; i < r.count; i += 7) {
+        for (int c = 0; c < 3; c++) {
+            r.reading[i].rgb[c] *= i % 2 ? 0.4 : 1.5;
+        }
+    }
+    assert_ok(tsuya_lamp_fit(&lamp, &r, &options));
+    say("every seventh tag in a shadow or shining", &lamp, &truth);
+    assert_true(away(lamp.position_m, truth.position_m) < 0.03 && lamp.outliers >= r.count / 7);
+    tsuya_lamp_readings_free(&r);
+}
+
+static void test_refusals(void **state)
+{
+    (void)state;
+    lamp_truth truth = lamp_usual();
+    tsuya_lamp lamp;
+    tsuya_lamp_readings r;
+    tsuya_lamp_options options = tsuya_lamp_options_default();
+    make_readings(&r, &truth, 1, 0.005, 0.003, 6, 0.0);
+    assert_fails(tsuya_lamp_fit(&lamp, &r, &options), "one plane");
+    tsuya_lamp_readings_free(&r);
+    make_readings(&r, &truth, 6, 0.005, 0.003, 6, 0.0);
+    assert_fails(tsuya_lamp_fit(&lamp, &r, &options), "one plane");
+    tsuya_lamp_readings_free(&r);
+    make_readings(&r, &truth, 10, 0.005, 0.003, 7, 1.0);
+    r.clipped = 200;
+    assert_fails(tsuya_lamp_fit(&lamp, &r, &options), "clipped");
+    r.clipped = 0;
+    r.count = 5;
+    assert_fails(tsuya_lamp_fit(&lamp, &r, &options), "are needed");
+    tsuya_lamp_readings_free(&r);
+    truth.intensity = 1e-4;
+    truth.ambient = 1e-4;
+    make_readings(&r, &truth, 10, 0.005, 0.003, 8, 1.0);
+    assert_fails(tsuya_lamp_fit(&lamp, &r, &options), "not lit");
+    tsuya_lamp_readings_free(&r);
+    truth = lamp_usual();
+    truth.position_m = (tsuya_vec3){0.5, 0.06, 0.01};
+    truth.direction = (tsuya_vec3){-1, 0, 0};
+    make_readings(&r, &truth, 10, 0.005, 0.003, 9, 0.3);
+    for (int i = 0; i < r.count; i++) { /* turned away from the lamp, all of them */
+        r.reading[i].normal = tsuya_vec3_unit(tsuya_vec3_sub(r.reading[i].normal, (tsuya_vec3){0.1, 0, 0}));
+    }
+    assert_fails(tsuya_lamp_fit(&lamp, &r, &options), "the lamp stands in the plate's plane");
+    tsuya_lamp_readings_free(&r);
+    truth = lamp_usual();
+    make_readings(&r, &truth, 10, 0.005, 0.003, 9, 1.0);
+    for (int i = 0; i < r.count; i++) { /* another lamp in every photograph */
+        for (int c = 0; c < 3; c++) {
+            r.reading[i].rgb[c] *= 0.2 + tsuya_random_uniform(10, (uint64_t)r.reading[i].photo, 0) + tsuya_random_uniform(10, 99, (uint64_t)i);
+        }
+    }
+    assert_fails(tsuya_lamp_fit(&lamp, &r, &options), "does not fit one lamp");
+    tsuya_lamp_readings_free(&r);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_lamps_come_back),
+        cmocka_unit_test(test_sigmas_are_honest),
+        cmocka_unit_test(test_shadows_and_hands_are_left_out),
+        cmocka_unit_test(test_refusals),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

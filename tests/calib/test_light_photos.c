@@ -1,0 +1,295 @@
+/* tsuya calib light from drawn photographs; the truth in lamp_scene.h, the balls by rays. */
+#include "lamp_scene.h"
+#include "scene.h"
+
+#include "core/json.h"
+#include "core/memory.h"
+#include "core/process.h"
+#include "render/light.h"
+
+enum { FOCAL = 2500, W = 1600, H = 1200, PHOTOS = 9 };
+
+static char *output;
+static tsuya_process_info info;
+
+static int run(const char *arguments)
+{
+    char command[2 * TEST_PATH];
+    snprintf(command, sizeof command, "cd %s && %s calib light --board board.yaml --camera cam.cameramodel --linear --quiet %s 2>&1", test_folder(), TSUYA_PROGRAM, arguments);
+    const char *argv[] = {"sh", "-c", command, NULL};
+    tsuya_free(output);
+    output = NULL;
+    assert_ok(tsuya_process_capture(&output, &info, argv, NULL));
+    return info.exit_code;
+}
+
+static void assert_refused(const char *arguments, const char *part)
+{
+    if (run(arguments) != 1 || !strstr(output, part) || strchr(output, '\n') != output + strlen(output) - 1) {
+        fail_msg("%s: exit %d, \"%s\" expected in one line:\n%s", arguments, info.exit_code, part, output);
+    }
+    printf("%s", output);
+}
+
+static tsuya_camera camera(void)
+{
+    return (tsuya_camera){.lens = TSUYA_LENS_OPENCV4, .width_px = W, .height_px = H, .fx_px = FOCAL, .fy_px = FOCAL, .cx_px = 805, .cy_px = 596, .distortion = {-0.08, 0.03}};
+}
+
+typedef struct shine { const lamp_truth *lamp; tsuya_pose plate; double exposure; tsuya_vec3 eye; } shine;
+
+static double shine_at(const void *user, double x, double y)
+{
+    const shine *s = user;
+    tsuya_vec3 p = tsuya_pose_apply(s->plate, (tsuya_vec3){x, y, 0}), n = tsuya_mat3_apply(s->plate.rotation, (tsuya_vec3){0, 0, 1});
+    return s->exposure * lamp_radiance(s->lamp, p, n, s->eye);
+}
+
+/* Grey to the camera's colours, its lens' fall-off (cos⁴) on the way. */
+static void save_photo(tsuya_image *image, const scene_look *look, const char *name)
+{
+    static const double color[3] = {1.0, 0.8, 0.5};
+    tsuya_image grey, rgb;
+    for (int y = 0; y < H; y++) {
+        for (int x = 0; x < W; x++) {
+            double u = (x - 805.0) / FOCAL, v = (y - 596.0) / FOCAL, c2 = 1.0 / (1.0 + u * u + v * v);
+            *tsuya_image_f32(image, x, y) *= (float)(c2 * c2);
+        }
+    }
+    scene_end(&grey, image, look);
+    assert_ok(tsuya_image_create(&rgb, W, H, 3, TSUYA_SAMPLE_U16, TSUYA_ENCODING_LINEAR));
+    for (int i = 0; i < W * H; i++) {
+        for (int c = 0; c < 3; c++) {
+            tsuya_image_u16(&rgb, i % W, i / W)[c] = (uint16_t)lround(color[c] * *tsuya_image_u16(&grey, i % W, i / W));
+        }
+    }
+    assert_ok(tsuya_image_save(&rgb, test_path(name), NULL));
+    tsuya_image_free(&grey);
+    tsuya_image_free(&rgb);
+}
+
+static scene_look look_of(int k)
+{
+    scene_look look = scene_look_default();
+    look.black = 0.05;
+    look.white = 1.0;
+    look.background = 0.01;
+    look.noise = 0.002;
+    look.sample = TSUYA_SAMPLE_U16;
+    look.seed = (uint64_t)k + 1;
+    return look;
+}
+
+/* Photographs of the plate in a folder. */
+static void draw_plates(const lamp_truth *lamp, const char *folder, int photos, double exposure, bool flat)
+{
+    tsuya_board board;
+    tsuya_camera cam = camera();
+    tsuya_pose from_world = lamp_camera();
+    assert_ok(tsuya_board_load(&board, test_path("board.yaml")));
+    assert_ok(tsuya_folder_make(test_path(folder)));
+    for (int k = 0; k < photos; k++) {
+        tsuya_image image;
+        char name[64];
+        shine s = {lamp, lamp_plate(flat ? 0 : k), exposure, tsuya_pose_center(from_world)};
+        scene_look look = look_of(k);
+        look.light = shine_at;
+        look.light_user = &s;
+        scene_begin(&image, W, H, &look);
+        scene_plate(&image, &board, 0, &cam, tsuya_pose_compose(from_world, s.plate), &look);
+        snprintf(name, sizeof name, "%s/IMG_%02d.tif", folder, k);
+        save_photo(&image, &look, name);
+    }
+    tsuya_board_free(&board);
+}
+
+static void begin(void)
+{
+    static const char yaml[] = "{family: tag36h11, border_bits: 1, cols: 4, rows: 3, tag_mm: 30, gap_mm: 9, first_id: 0}\n";
+    tsuya_camera cam = camera();
+    assert_ok(tsuya_file_write(test_path("board.yaml"), yaml, sizeof yaml - 1));
+    assert_ok(tsuya_cameramodel_save(&cam, tsuya_pose_identity(), test_path("cam.cameramodel")));
+}
+
+static double away(const double a[3], tsuya_vec3 b) { return tsuya_vec3_norm(tsuya_vec3_sub((tsuya_vec3){a[0], a[1], a[2]}, b)); }
+
+/* Irradiance that the written lamps give, through render's own reader. */
+static double written_irradiance(const char *path, tsuya_vec3 p, tsuya_vec3 n)
+{
+    tsuya_light_set set;
+    double sum = 0.0, u[2] = {0.5, 0.5};
+    assert_ok(tsuya_light_set_load(&set, path));
+    for (int i = 0; i < set.count; i++) {
+        tsuya_light_sample s;
+        if (tsuya_light_sample_at(&set.light[i], p, n, u, &s)) {
+            sum += s.rgb[0] / s.pdf * fmax(tsuya_vec3_dot(s.wi, n), 0.0);
+        }
+    }
+    tsuya_light_set_free(&set);
+    return sum;
+}
+
+/* The lens' fall-off as tsuya calib color would write it: the logarithm of cos⁴, developed. */
+static void write_color(void)
+{
+    double h2 = 0.25 * ((double)W * W + (double)H * H) / ((double)FOCAL * FOCAL);
+    tsuya_json *root = tsuya_json_create_object(), *v;
+    tsuya_json_set_text(root, "format", "tsuya color");
+    tsuya_json_set_text(root, "version", "1.0");
+    tsuya_json_set_numbers(root, "white_balance", (double[]){1, 1, 1}, 3);
+    tsuya_json_set_number(root, "exposure", 1.0);
+    tsuya_json_set_numbers(root, "matrix", (double[]){1, 0, 0, 0, 1, 0, 0, 0, 1}, 9);
+    v = tsuya_json_set_object(root, "vignetting");
+    tsuya_json_set_numbers(v, "size_px", (double[]){W, H}, 2);
+    tsuya_json_set_numbers(v, "log_polynomial", (double[]){-2.0 * h2, h2 * h2, -2.0 / 3.0 * h2 * h2 * h2}, 3);
+    assert_ok(tsuya_json_save(root, test_path("color.json")));
+    tsuya_json_free(root);
+}
+
+static void test_plate(void **state)
+{
+    (void)state;
+    lamp_truth truth = lamp_usual();
+    double position[3], sigma[3], falloff, exponent, rms;
+    begin();
+    draw_plates(&truth, "plate", PHOTOS, 0.7, false);
+    write_color();
+    if (run("plate --color color.json -o light.json") != 0) {
+        fail_msg("%s", output);
+    }
+    tsuya_json *root;
+    assert_ok(tsuya_json_load(&root, test_path("light.json")));
+    const tsuya_json *lamp = tsuya_json_member(root, "lamp");
+    assert_ok(tsuya_json_get_numbers(position, 3, lamp, "position_m"));
+    assert_ok(tsuya_json_get_numbers(sigma, 3, lamp, "position_sigma_m"));
+    assert_ok(tsuya_json_get_number(&falloff, lamp, "falloff"));
+    assert_ok(tsuya_json_get_number(&exponent, lamp, "distance_exponent"));
+    assert_ok(tsuya_json_get_number(&rms, root, "rms"));
+    /* The world is where the plate lay first: shifted against the scene's. */
+    tsuya_vec3 want = tsuya_pose_apply(tsuya_pose_inverse(lamp_plate(0)), truth.position_m);
+    printf("lamp %.1f mm off (sigma %.1f %.1f %.1f mm), falloff %.2f, distance's power %.2f, rms %.2f %%\n", 1e3 * away(position, want), 1e3 * sigma[0], 1e3 * sigma[1],
+           1e3 * sigma[2], falloff, exponent, 100 * rms);
+    assert_true(away(position, want) < 0.03 && away(position, want) < 2.5 * sqrt(sigma[0] * sigma[0] + sigma[1] * sigma[1] + sigma[2] * sigma[2]));
+    assert_near(exponent, 2.0, 0.15);
+    assert_true(rms < 0.015);
+    tsuya_json_free(root);
+    double worst = 0.0;
+    for (int k = 0; k < 9; k++) {
+        tsuya_vec3 p = {0.08 * (k % 3 - 1) + 0.07, 0.08 * (k / 3 - 1) + 0.05, 0.02 * k}, n = {0, 0, 1};
+        lamp_truth bare = truth;
+        bare.gloss = bare.ambient = 0.0;
+        double real = 0.7 * M_PI / 0.85 * lamp_radiance(&bare, tsuya_pose_apply(lamp_plate(0), p), n, (tsuya_vec3){0, -0.5, 0.8});
+        worst = fmax(worst, fabs(written_irradiance(test_path("light.json"), p, n) / real - 1.0));
+    }
+    printf("irradiance of the written lamps within %.1f %% of the truth\n", 100 * worst);
+    assert_true(worst < 0.03);
+    assert_true(tsuya_path_exists(test_path("light.png")));
+}
+
+static void test_refusals(void **state)
+{
+    (void)state;
+    lamp_truth truth = lamp_usual();
+    assert_refused("plate/IMG_00.tif -o none.json", "one plane");
+    draw_plates(&truth, "clipped", 2, 12.0, false);
+    assert_refused("clipped -o none.json", "clipped");
+    truth.intensity = 0.002;
+    truth.ambient = 0.15;
+    truth.position_m = (tsuya_vec3){0.05, 0.05, -0.8}; /* behind the plate: the room's light alone */
+    draw_plates(&truth, "unlit", 4, 0.7, false);
+    assert_refused("unlit -o none.json", "lamp");
+    assert_false(tsuya_path_exists(test_path("none.json")));
+}
+
+/* A mirror ball on the plate, by rays: lamp, plate and a dim room are seen in it. */
+static void draw_ball(tsuya_image *image, const tsuya_camera *cam, tsuya_pose from_world, tsuya_vec3 center, double radius, tsuya_vec3 lamp, double lamp_radius)
+{
+    tsuya_vec2 at;
+    tsuya_vec3 eye = tsuya_pose_center(from_world);
+    assert_true(tsuya_camera_project(cam, tsuya_pose_apply(from_world, center), &at));
+    int reach = (int)(1.5 * cam->fx_px * radius / tsuya_pose_apply(from_world, center).z) + 4;
+    for (int y = (int)at.y - reach; y <= (int)at.y + reach; y++) {
+        for (int x = (int)at.x - reach; x <= (int)at.x + reach; x++) {
+            double sum = 0.0;
+            for (int k = 0; k < 16; k++) {
+                tsuya_vec3 ray, d, n, p, r;
+                assert_true(tsuya_camera_unproject(cam, (tsuya_vec2){x + (k % 4 - 1.5) / 4.0, y + (k / 4 - 1.5) / 4.0}, &ray));
+                d = tsuya_mat3_apply_transposed(from_world.rotation, ray);
+                tsuya_vec3 to = tsuya_vec3_sub(center, eye);
+                double along = tsuya_vec3_dot(to, d), s2 = radius * radius - tsuya_vec3_dot(to, to) + along * along;
+                if (s2 < 0.0) {
+                    sum += (double)*tsuya_image_f32(image, x, y);
+                    continue;
+                }
+                p = tsuya_vec3_mad(eye, along - sqrt(s2), d);
+                n = tsuya_vec3_scale(tsuya_vec3_sub(p, center), 1.0 / radius);
+                r = tsuya_vec3_mad(d, -2.0 * tsuya_vec3_dot(d, n), n);
+                tsuya_vec3 l = tsuya_vec3_sub(lamp, p);
+                double closest = tsuya_vec3_dot(l, r), off2 = tsuya_vec3_dot(l, l) - closest * closest;
+                sum += closest > 0.0 && off2 < lamp_radius * lamp_radius ? 8.0 : r.z < 0.0 ? 0.06 : 0.01;
+            }
+            *tsuya_image_f32(image, x, y) = (float)(0.9 * sum / 16.0);
+        }
+    }
+}
+
+static void test_balls(void **state)
+{
+    (void)state;
+    static const double place[2][2] = {{-0.04, 0.05}, {0.20, 0.08}};
+    tsuya_board board;
+    tsuya_camera cam = camera();
+    tsuya_vec3 lamp = {0.35, 0.30, 0.55};
+    begin();
+    assert_ok(tsuya_board_load(&board, test_path("board.yaml")));
+    assert_ok(tsuya_folder_make(test_path("balls")));
+    for (int k = 0; k < 5; k++) {
+        tsuya_image image;
+        char name[64];
+        tsuya_vec3 eye = {0.08 + 0.35 * sin(1.3 * k), -0.5 + 0.12 * k, 0.6 - 0.03 * k};
+        tsuya_pose from_world = tsuya_pose_look_at(eye, (tsuya_vec3){0.08, 0.06, 0.0}, (tsuya_vec3){0, 0, 1});
+        scene_look look = look_of(k);
+        look.white = 0.4;
+        scene_begin(&image, W, H, &look);
+        scene_plate(&image, &board, 0, &cam, from_world, &look);
+        for (int b = 0; b < 2; b++) {
+            draw_ball(&image, &cam, from_world, (tsuya_vec3){place[b][0] + 0.0004, place[b][1] - 0.0003, 0.015}, 0.015, lamp, 0.02);
+        }
+        snprintf(name, sizeof name, "balls/IMG_%d.tif", k);
+        save_photo(&image, &look, name);
+    }
+    tsuya_board_free(&board);
+    if (run("balls --ball '-40,50,30' --ball '200,80,30' -o ball.json") != 0) {
+        fail_msg("%s", output);
+    }
+    tsuya_json *root;
+    double position[3], sigma[3], rms;
+    assert_ok(tsuya_json_load(&root, test_path("ball.json")));
+    assert_ok(tsuya_json_get_numbers(position, 3, tsuya_json_member(root, "lamp"), "position_m"));
+    assert_ok(tsuya_json_get_numbers(sigma, 3, tsuya_json_member(root, "lamp"), "position_sigma_m"));
+    assert_ok(tsuya_json_get_number(&rms, root, "rms_px"));
+    tsuya_json_free(root);
+    double size = sqrt(sigma[0] * sigma[0] + sigma[1] * sigma[1] + sigma[2] * sigma[2]);
+    printf("balls: lamp %.1f mm off (sigma %.1f %.1f %.1f mm), highlights %.2f px\n", 1e3 * away(position, lamp), 1e3 * sigma[0], 1e3 * sigma[1], 1e3 * sigma[2], rms);
+    assert_true(away(position, lamp) < 0.05 && away(position, lamp) < 2.5 * size && rms < 0.6);
+    assert_refused("balls --ball '-40,50,30; IMG_0.tif' -o none.json", "no distance");
+    assert_refused("balls --ball '-40,50' -o none.json", "X,Y,DIAMETER");
+    assert_refused("balls --ball '-40,50,30; IMG_9.tif' -o none.json", "none of the photographs");
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_plate),
+        cmocka_unit_test(test_refusals),
+        cmocka_unit_test(test_balls),
+    };
+    int result = cmocka_run_group_tests(tests, NULL, NULL);
+    tsuya_free(output);
+    if (!getenv("TSUYA_KEEP")) {
+        test_folder_remove();
+    } else {
+        printf("%s\n", test_folder());
+    }
+    return result;
+}
