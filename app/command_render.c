@@ -28,7 +28,7 @@ static const struct argp_option render_options[] = {
     {"size", KEY_SIZE, "WxH", 0, "Picture of the turntable (default 1280x960)", 0},
     {"elevation", KEY_ELEVATION, "DEG", 0, "Height of the turntable's camera (default 15)", 0},
     {"up", KEY_UP, "X,Y,Z", 0, "Axis of the turntable (default 0,0,1)", 0},
-    {"color", KEY_COLOR, "COLOR", 0, "Dye the cloth: a name, #rrggbb, r,g,b (linear), lab(L,a,b), or SPECTRUM.csv (nm,reflectance)", 0},
+    {"color", KEY_COLOR, "COLOR", 0, "Dye the cloth: a name, #rrggbb, r,g,b (linear), lab(L,a,b), SPECTRUM.csv (nm,reflectance), photographs or material", 0},
     {"transmission", KEY_TRANSMISSION, "R,G,B", 0, "Share of the light that thin cloth lets through, spread evenly (default: none)", 0},
     {"spp", KEY_SPP, "N", 0, "Samples a pixel (default 64)", 0},
     {"noise", KEY_NOISE, "E", 0, "Stop a pixel at this relative error; --spp is then the most it gets", 0},
@@ -110,7 +110,6 @@ static error_t parse_render(int key, char *arg, struct argp_state *state)
 {
     render_input *input = state->input;
     tsuya_render_options *o = &input->options;
-    double rgb[3];
     switch (key) {
     case KEY_MATERIAL: tsuya_argument_append(state, input->material, LIST, without_name(arg)); return 0;
     case KEY_LIGHTS: o->lights_path = arg; return 0;
@@ -128,7 +127,7 @@ static error_t parse_render(int key, char *arg, struct argp_state *state)
     case KEY_UP: parse_up(state, &o->up, arg); return 0;
     case KEY_COLOR:
         o->color = arg;
-        if (tsuya_render_parse_color(rgb, arg) != TSUYA_OK) {
+        if (tsuya_render_check_color(arg) != TSUYA_OK) {
             argp_error(state, "--color: %s", tsuya_reason());
         }
         return 0;

@@ -293,9 +293,8 @@ static tsuya_status check_render(const tsuya_job *job, tsuya_job_render *r)
         return invalid(job, "render: views of", r->name, "must be from 1 to 3600");
     }
     TSUYA_TRY(check_render_size(job, r));
-    double rgb[3];
-    if (r->color && tsuya_render_parse_color(rgb, r->color) != TSUYA_OK) {
-        return invalid(job, "render: color", r->color, "is not \"#rrggbb\" nor \"r,g,b\" in linear light");
+    if (r->color && tsuya_render_check_color(r->color) != TSUYA_OK) {
+        return invalid(job, "render: color", r->color, "is not \"#rrggbb\" nor \"r,g,b\" in linear light, \"photographs\" or \"material\"");
     }
     return TSUYA_OK;
 }

@@ -142,6 +142,12 @@ static tsuya_status load_spectrum(double rgb[3], const char *path)
     return status == TSUYA_OK ? take_rgb(rgb, tsuya_rgb_of_reflectance(nm, reflectance, count), path) : status;
 }
 
+tsuya_status tsuya_render_check_color(const char *text)
+{
+    double rgb[3];
+    return strcmp(text, "photographs") == 0 || strcmp(text, "material") == 0 ? TSUYA_OK : tsuya_render_parse_color(rgb, text);
+}
+
 tsuya_status tsuya_render_parse_color(double rgb[3], const char *text)
 {
     const char *names[NAMES + 1];
@@ -164,6 +170,6 @@ tsuya_status tsuya_render_parse_color(double rgb[3], const char *text)
     names[NAMES] = NULL;
     const char *nearest = tsuya_nearest_name(text, names);
     return tsuya_fail(TSUYA_ERROR_INPUT,
-                      "colour \"%.60s\": expected a name (%s), \"#rrggbb\" (sRGB), \"r,g,b\" (linear, each in [0, 1]), \"lab(L,a,b)\" (D65) or a "
-                      "SPECTRUM.csv with nm,reflectance", text, nearest ? nearest : "indigo");
+                      "colour \"%.60s\": expected a name (%s), \"#rrggbb\" (sRGB), \"r,g,b\" (linear, each in [0, 1]), \"lab(L,a,b)\" (D65) a "
+                      "SPECTRUM.csv with nm,reflectance, \"photographs\" or \"material\"", text, nearest ? nearest : "indigo");
 }

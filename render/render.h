@@ -28,7 +28,7 @@ typedef struct tsuya_render_options {
     const char *const *photo_path, *const *mask_path;
     const bool *held_out;            /* figures of these apart; NULL: none is */
     double gain[3];                  /* exposure and white balance of the comparison; NaN: fitted to each photograph */
-    const char *color;               /* see tsuya_render_parse_color; NULL: see below */
+    const char *color;               /* see tsuya_render_check_color; NULL: see below */
     double transmission[3];          /* share of the light that thin cloth lets through, diffusely; 0 0 0: none */
     int spp;                         /* samples per pixel; with `noise` the most that a pixel gets */
     double noise;                    /* > 0: relative standard error that a pixel aims at; see render/path.h */
@@ -67,8 +67,8 @@ typedef struct tsuya_render_info {
  * depends on: a picture whose stamp is unchanged and whose files are there is passed over, so that an interrupted
  * sequence goes on where it stopped.  Beside a photograph also FRAME.compare.png, and "like" in the picture's record.
  *
- * Colour: `color` becomes the dye; without it, the built-in material takes the mesh's vertex colours for its dye and a
- * measured one keeps what was measured.
+ * Colour: `color` becomes the dye under the measured surface part.  "photographs": the mesh's vertex colours do, and so they do
+ * without `color` where the mesh has some.  "material": what was measured stays.
  *
  * Fails on unreadable inputs (named), NaN vertices (index named), a mesh without vertices, materials whose channels are not
  * r, g, b. */
@@ -76,6 +76,8 @@ TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_render(tsuya_render_info *info, co
                                                      const tsuya_context *context);
 TSUYA_API void tsuya_render_info_to_json(tsuya_json *object, const tsuya_render_info *info);
 
+/* What `color` may be: "photographs", "material", or a colour. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_render_check_color(const char *text);
 /* A colour as a linear Rec.709 reflectance: a name of CSS, "#7a1f2b" (sRGB), "r,g,b" (linear reflectances in [0, 1]), "lab(L,a,b)"
  * (CIELAB under D65) or a file NAME.csv with the columns nm,reflectance (seen under D65).  Fails on colours outside the gamut. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_render_parse_color(double rgb[3], const char *text);

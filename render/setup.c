@@ -30,14 +30,15 @@ static tsuya_status load_materials(tsuya_render_setup *s, const tsuya_render_opt
 
 static tsuya_status choose_dye(tsuya_render_setup *s, const tsuya_render_options *o)
 {
-    s->dye = TSUYA_DYE_OF_MATERIAL;
-    if (o->color) {
+    bool photographs = o->color && strcmp(o->color, "photographs") == 0, material = o->color && strcmp(o->color, "material") == 0;
+    if (photographs && !s->mesh.color) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: no vertex colours; \"photographs\" needs a mesh that was coloured from them", o->mesh_path);
+    }
+    if (o->color && !photographs && !material) {
         s->dye = TSUYA_DYE_OF_COLOR;
         return tsuya_render_parse_color(s->dye_rgb, o->color);
     }
-    if (s->default_material && s->mesh.color) {
-        s->dye = TSUYA_DYE_OF_VERTICES;
-    }
+    s->dye = s->mesh.color && !material ? TSUYA_DYE_OF_VERTICES : TSUYA_DYE_OF_MATERIAL;
     return TSUYA_OK;
 }
 
@@ -72,7 +73,7 @@ static tsuya_status make_scene(tsuya_render_setup *s, const tsuya_render_options
         TSUYA_TRY(tsuya_shader_from_material(&shader[k], s->material[k]));
         memcpy(shader[k].transmittance, o->transmission, sizeof shader[k].transmittance);
         /* a dye laid over a measured one lies under the surface part, whatever the fit assumed of its own */
-        TSUYA_TRY(s->dye == TSUYA_DYE_OF_COLOR ? tsuya_material_set_dye(s->material[k], s->dye_rgb) : TSUYA_OK);
+        TSUYA_TRY(s->dye != TSUYA_DYE_OF_MATERIAL ? tsuya_material_set_dye(s->material[k], s->dye_rgb) : TSUYA_OK);
     }
     TSUYA_TRY(check_energy(s, o));
     options.shader = shader;
