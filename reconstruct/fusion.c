@@ -12,7 +12,7 @@ enum { MOST_NEIGHBOURS = 12, BAND_ROWS = 64 };
 tsuya_fusion_options tsuya_fusion_options_default(void)
 {
     return (tsuya_fusion_options){
-        .geometric = true, .min_views = 3, .neighbours = 10, .max_reprojection_px = 1.5, .max_depth_error = 0.01,
+        .prior = true, .geometric = true, .min_views = 3, .neighbours = 10, .max_reprojection_px = 1.5, .max_depth_error = 0.01,
         .max_normal_deg = 25.0,
     };
 }
@@ -32,6 +32,7 @@ typedef struct run {
     uint8_t **used;  /* one bit a pixel of each view, NULL before it is first seen */
     int *used_width; /* of the maps, to notice maps that change size */
     point_list points;
+    size_t points_prior;
     double *gsd;
     int gsd_count;
 } run;
@@ -40,6 +41,8 @@ typedef struct run {
 
 static bool bit_get(const uint8_t *bits, size_t at) { return bits[at >> 3] >> (at & 7) & 1; }
 static void bit_set(uint8_t *bits, size_t at) { bits[at >> 3] |= (uint8_t)(1u << (at & 7)); }
+
+static bool from_prior(const tsuya_fusion_view *v, size_t at) { return v->prior && v->prior[at]; }
 
 static tsuya_vec3 pixel_ray(const tsuya_camera *c, double x, double y)
 {
@@ -96,7 +99,7 @@ static ptrdiff_t agreeing_pixel(const tsuya_fusion_view *reference, size_t at, t
 typedef struct vote_sum {
     double weight, depth, depth2; /* depths along the reference's ray, relative to its own */
     tsuya_vec3 normal, color;
-    int count;
+    int count, measured;
     double sine; /* largest sine between two rays */
 } vote_sum;
 
@@ -120,6 +123,7 @@ static void add_vote(vote_sum *sum, tsuya_vec3 origin, tsuya_vec3 ray, double ow
     int g = v->color.channels >= 3 ? 1 : 0, b = v->color.channels >= 3 ? 2 : 0;
     sum->color = tsuya_vec3_mad(sum->color, weight, (tsuya_vec3){c[0], c[g], c[b]});
     sum->count++;
+    sum->measured += !from_prior(v, at);
     double sine = tsuya_vec3_norm(tsuya_vec3_cross(tsuya_vec3_unit(from), tsuya_vec3_unit(ray)));
     sum->sine = sine > sum->sine ? sine : sum->sine;
 }
@@ -127,19 +131,19 @@ static void add_vote(vote_sum *sum, tsuya_vec3 origin, tsuya_vec3 ray, double ow
 /* Mean and its standard deviation.  The spread of a few votes says little, so it is held together with what matching to
  * a seventh of a pixel would give at this triangulation angle, as two more degrees of freedom (scaled inverse chi-square
  * prior).  The votes share photographs and windows: their errors are taken to correlate by 0.7, so that more of them
- * shrink sigma only so far. */
-static void settle(struct fused_point *out, const vote_sum *sum, tsuya_vec3 origin, tsuya_vec3 ray, double own, double gsd)
+ * shrink sigma only so far.  Where the curved prior had to help, its own bound stands instead: no angle makes it better. */
+static void settle(struct fused_point *out, const vote_sum *sum, tsuya_vec3 origin, tsuya_vec3 ray, double own, double gsd, bool helped)
 {
     const double matching_px = 0.15, prior_freedom = 2.0, correlation = 0.7;
     double mean = sum->depth / sum->weight, spread2 = fmax(sum->depth2 / sum->weight - mean * mean, 0.0);
-    double expected = matching_px * gsd / fmax(sum->sine, 0.01);
+    double expected = helped ? gsd : matching_px * gsd / fmax(sum->sine, 0.01);
     double variance = (prior_freedom * expected * expected + sum->count * spread2) / (prior_freedom + sum->count - 1);
     tsuya_vec3 n = tsuya_vec3_unit(sum->normal), p = tsuya_vec3_mad(origin, own + mean, ray);
     double slant = fabs(tsuya_vec3_dot(n, ray));
     *out = (struct fused_point){
         .position = {(float)p.x, (float)p.y, (float)p.z},
         .normal = {(float)n.x, (float)n.y, (float)n.z},
-        .evidence = (float)sum->count,
+        .evidence = (float)sum->measured,
         .sigma = (float)(sqrt(variance * (correlation + (1.0 - correlation) / sum->count)) * slant),
         .color = {(uint8_t)(sum->color.x / sum->weight + 0.5), (uint8_t)(sum->color.y / sum->weight + 0.5),
                   (uint8_t)(sum->color.z / sum->weight + 0.5)},
@@ -201,27 +205,38 @@ static tsuya_status band_points(run *r, const reference_run *ref, int first, int
     for (size_t i = 0; i < (size_t)rows * width; i++) {
         const size_t at = (size_t)first * width + i;
         const int32_t *agreed = ref->agreed + i * MOST_NEIGHBOURS;
-        int support = 1;
+        const int own_measured = !from_prior(reference, at);
+        int support = 1, measured = own_measured;
         for (int k = 1; k < ref->count; k++) {
-            support += agreed[k - 1] >= 0 && !bit_get(r->used[ref->view[k]->view], (size_t)agreed[k - 1]);
+            bool votes = agreed[k - 1] >= 0 && !bit_get(r->used[ref->view[k]->view], (size_t)agreed[k - 1]);
+            support += votes;
+            measured += votes && !from_prior(ref->view[k], (size_t)agreed[k - 1]);
         }
         if (support < r->options->min_views || !(reference->map.depth[at] > 0.0f)) {
             continue;
         }
+        const bool helped = measured < r->options->min_views;
         vote_sum sum = {0};
         tsuya_vec3 ray = tsuya_mat3_apply(reference->world_from_camera.rotation,
                                           pixel_ray(&reference->camera, (double)(at % width), (double)(at / width)));
         const double own = reference->map.depth[at];
-        add_vote(&sum, origin, ray, own, reference, at);
+        if (own_measured || helped) {
+            add_vote(&sum, origin, ray, own, reference, at);
+        }
         bit_set(r->used[reference->view], at);
         for (int k = 1; k < ref->count; k++) {
-            if (agreed[k - 1] >= 0 && !bit_get(r->used[ref->view[k]->view], (size_t)agreed[k - 1])) {
-                add_vote(&sum, origin, ray, own, ref->view[k], (size_t)agreed[k - 1]);
-                bit_set(r->used[ref->view[k]->view], (size_t)agreed[k - 1]);
+            const tsuya_fusion_view *v = ref->view[k];
+            if (agreed[k - 1] < 0 || bit_get(r->used[v->view], (size_t)agreed[k - 1])) {
+                continue;
             }
+            if (helped || !from_prior(v, (size_t)agreed[k - 1])) {
+                add_vote(&sum, origin, ray, own, v, (size_t)agreed[k - 1]);
+            }
+            bit_set(r->used[v->view], (size_t)agreed[k - 1]);
         }
         TSUYA_TRY(points_grow(&r->points));
-        settle(&r->points.point[r->points.count++], &sum, origin, ray, own, own / reference->camera.fx_px);
+        settle(&r->points.point[r->points.count++], &sum, origin, ray, own, own / reference->camera.fx_px, helped);
+        r->points_prior += helped;
     }
     return TSUYA_OK;
 }
@@ -305,7 +320,7 @@ static tsuya_status prepare(run *r)
     TSUYA_TRY(tsuya_view_plans_make(&r->plan, &r->model, o->hold_out, o->hold_out_count, o->neighbours, o->workspace,
                                     r->arena));
     TSUYA_TRY(tsuya_fusion_views_create(&r->views, &r->model, o->workspace, o->geometric ? "geometric" : "photometric",
-                                        1 + o->neighbours));
+                                        o->prior, 1 + o->neighbours));
     r->used = tsuya_arena_alloc(r->arena, (size_t)r->model.view_count, sizeof *r->used);
     r->used_width = tsuya_arena_alloc(r->arena, (size_t)r->model.view_count, sizeof *r->used_width);
     r->gsd = tsuya_arena_alloc(r->arena, (size_t)r->model.view_count, sizeof *r->gsd);
@@ -340,6 +355,7 @@ static tsuya_status summarise(tsuya_fusion_info *info, const run *r)
         views += r->points.point[i].evidence;
     }
     info->points = r->points.count;
+    info->points_prior = r->points_prior;
     info->mean_views = views / (double)r->points.count;
     qsort(r->gsd, (size_t)r->gsd_count, sizeof *r->gsd, compare_double);
     info->gsd = r->gsd_count ? r->gsd[r->gsd_count / 2] : NAN;
@@ -402,6 +418,7 @@ void tsuya_fusion_info_to_json(tsuya_json *object, const tsuya_fusion_info *info
 {
     tsuya_json_set_number(object, "views", info->views);
     tsuya_json_set_number(object, "points", (double)info->points);
+    tsuya_json_set_number(object, "points_prior", (double)info->points_prior);
     tsuya_json_set_number(object, "mean_views", info->mean_views);
     tsuya_json_set_number(object, "median_sigma", info->median_sigma);
     tsuya_json_set_number(object, "gsd", info->gsd);

@@ -9,13 +9,14 @@
 struct tsuya_fusion_views {
     const tsuya_sparse_model *model;
     const char *workspace, *kind;
+    bool prior;
     int capacity;
     uint64_t clock;
     tsuya_fusion_view *slot;
 };
 
 tsuya_status tsuya_fusion_views_create(tsuya_fusion_views **out, const tsuya_sparse_model *model, const char *workspace,
-                                       const char *kind, int capacity)
+                                       const char *kind, bool prior, int capacity)
 {
     tsuya_fusion_views *views = tsuya_calloc(1, sizeof *views);
     tsuya_fusion_view *slot = tsuya_calloc((size_t)capacity, sizeof *slot);
@@ -24,7 +25,8 @@ tsuya_status tsuya_fusion_views_create(tsuya_fusion_views **out, const tsuya_spa
         tsuya_free(slot);
         return TSUYA_ERROR_MEMORY;
     }
-    *views = (tsuya_fusion_views){.model = model, .workspace = workspace, .kind = kind, .capacity = capacity, .slot = slot};
+    *views = (tsuya_fusion_views){.model = model, .workspace = workspace, 
+                                  .kind = kind, .prior = prior, .capacity = capacity, .slot = slot};
     *out = views;
     return TSUYA_OK;
 }
@@ -33,6 +35,7 @@ static void slot_free(tsuya_fusion_view *v)
 {
     tsuya_depth_map_free(&v->map);
     tsuya_image_free(&v->color);
+    tsuya_free(v->prior);
     memset(v, 0, sizeof *v);
 }
 
@@ -68,6 +71,36 @@ done:
     return status;
 }
 
+/* The prior's pixels into the map's gaps. */
+static tsuya_status add_prior(tsuya_fusion_view *out, const tsuya_fusion_views *views, const char *name)
+{
+    const size_t pixels = (size_t)out->map.width_px * (size_t)out->map.height_px;
+    tsuya_depth_map prior = {0};
+    if (!views->prior || !tsuya_map_exists(views->workspace, name, "prior")) {
+        return TSUYA_OK;
+    }
+    tsuya_status status = TSUYA_OK;
+    TSUYA_GOTO_DONE(status, tsuya_map_load(&prior, views->workspace, name, "prior", true));
+    if (prior.width_px != out->map.width_px || prior.height_px != out->map.height_px) {
+        status = tsuya_fail(TSUYA_ERROR_INPUT, "%s/stereo: the prior map of %s is %d x %d, its %s map %d x %d", views->workspace, name,
+                            prior.width_px, prior.height_px, views->kind, out->map.width_px, out->map.height_px);
+        goto done;
+    }
+    TSUYA_NEW(status, out->prior, pixels);
+    for (size_t i = 0; i < pixels; i++) {
+        out->prior[i] = !(out->map.depth[i] > 0.0f) && prior.depth[i] > 0.0f;
+        if (out->prior[i]) {
+            out->map.depth[i] = prior.depth[i];
+            for (size_t k = 0; k < 3; k++) {
+                out->map.normal[k * pixels + i] = prior.normal[k * pixels + i];
+            }
+        }
+    }
+done:
+    tsuya_depth_map_free(&prior);
+    return status;
+}
+
 static tsuya_status slot_load(tsuya_fusion_view *out, const tsuya_fusion_views *views, int index)
 {
     const tsuya_view *v = &views->model->view[index];
@@ -78,7 +111,10 @@ static tsuya_status slot_load(tsuya_fusion_view *out, const tsuya_fusion_views *
                           views->kind, v->name);
     }
     TSUYA_TRY(tsuya_map_load(&out->map, views->workspace, v->name, views->kind, true));
-    tsuya_status status = load_color(&out->color, views, v->name, out->map.width_px, out->map.height_px);
+    tsuya_status status = add_prior(out, views, v->name);
+    if (status == TSUYA_OK) {
+        status = load_color(&out->color, views, v->name, out->map.width_px, out->map.height_px);
+    }
     if (status != TSUYA_OK) {
         slot_free(out);
         return status;

@@ -142,7 +142,7 @@ static tsuya_status stereo(tsuya_reconstruction *r)
     options.hold_out = o->hold_out;
     options.hold_out_count = o->hold_out_count;
     r->info->dense_long_side_px = options.long_side_px > 0 ? options.long_side_px : longer;
-    const char *text = tsuya_arena_printf(r->arena, "%d|%d|%d", options.long_side_px, options.source_views, o->hold_out_count);
+    const char *text = tsuya_arena_printf(r->arena, "%d|%d|%d|prior", options.long_side_px, options.source_views, o->hold_out_count);
     for (int i = 0; text && i < o->hold_out_count; i++) {
         text = tsuya_arena_printf(r->arena, "%s|%s", text, o->hold_out[i]);
     }

@@ -1,20 +1,20 @@
 #include "reconstruct/stereo.h"
 
 #include "core/file.h"
-#include "reconstruct/patchmatch.h"
+#include "reconstruct/prior.h"
 #include "reconstruct/stereo_cache.h"
 #include "reconstruct/stereo_views.h"
 
 #include <string.h>
 
 /* Raised whenever the maps of the same inputs change. */
-static const char *const stereo_version = "tsuya stereo 3";
+static const char *const stereo_version = "tsuya stereo 3", *const prior_version = "tsuya prior 1";
 
 enum { LEVELS = 3 };
 
 tsuya_stereo_options tsuya_stereo_options_default(void)
 {
-    return (tsuya_stereo_options){.source_views = 5, .geometric = true, .cache_mb = 1024};
+    return (tsuya_stereo_options){.source_views = 5, .geometric = true, .prior = true, .cache_mb = 1024};
 }
 
 typedef struct run {
@@ -27,8 +27,8 @@ typedef struct run {
     tsuya_stereo_cache *cache;
     tsuya_arena *arena;
     tsuya_hash *content;     /* of each view: photograph, mask, camera, pose */
-    tsuya_hash *photometric; /* stamps of the first pass */
-    double masked_pixels, covered_pixels;
+    tsuya_hash *photometric, *final; /* stamps of the first pass, and of the one whose maps the prior starts from */
+    double masked_pixels, covered_pixels, open_pixels, closed_pixels;
     int done, total;
 } run;
 
@@ -94,30 +94,48 @@ static tsuya_status map_stamp(tsuya_hash *out, const run *r, int view, bool geom
     return TSUYA_OK;
 }
 
-static const char *kind_name(bool geometric) { return geometric ? "geometric" : "photometric"; }
-
-static char *stamp_path(const run *r, int view, bool geometric)
+/* Of a view's prior: its map, and those of its sources, which may contradict. */
+static tsuya_status prior_stamp(tsuya_hash *out, const run *r, int view)
 {
-    return tsuya_map_path(r->options->workspace, "stamps", r->model.view[view].name,
-                          geometric ? ".geometric.txt" : ".photometric.txt");
+    const tsuya_view_plan *plan = &r->plan[view];
+    const tsuya_prior_options o = tsuya_prior_options_default();
+    const double options[] = {o.min_gap_px, o.least_rim, o.max_parting, (double)o.max_edge};
+    tsuya_hasher *h;
+    TSUYA_TRY(tsuya_hasher_create(&h));
+    tsuya_hasher_add_text(h, prior_version);
+    tsuya_hasher_add(h, options, sizeof options);
+    for (int k = -1; k < plan->source_count; k++) {
+        tsuya_hasher_add_text(h, r->final[k < 0 ? view : plan->source[k]].hex);
+    }
+    *out = tsuya_hasher_end(h);
+    return TSUYA_OK;
 }
 
-static bool is_finished(const run *r, int view, bool geometric, const tsuya_hash *stamp)
+static const char *kind_name(bool geometric) { return geometric ? "geometric" : "photometric"; }
+
+static char *stamp_path(const run *r, int view, const char *kind)
 {
-    char *path = stamp_path(r, view, geometric), *text = NULL;
+    char suffix[32];
+    snprintf(suffix, sizeof suffix, ".%s.txt", kind);
+    return tsuya_map_path(r->options->workspace, "stamps", r->model.view[view].name, suffix);
+}
+
+static bool is_finished(const run *r, int view, const char *kind, const tsuya_hash *stamp)
+{
+    char *path = stamp_path(r, view, kind), *text = NULL;
     size_t size = 0;
     bool same = path && tsuya_path_exists(path) && tsuya_file_load(&text, &size, path, 256) == TSUYA_OK &&
                 strncmp(text, stamp->hex, 32) == 0 &&
-                tsuya_map_exists(r->options->workspace, r->model.view[view].name, kind_name(geometric));
+                tsuya_map_exists(r->options->workspace, r->model.view[view].name, kind);
     tsuya_free(text);
     tsuya_free(path);
     return same;
 }
 
-static tsuya_status finish(const run *r, int view, bool geometric, const tsuya_depth_map *map, const tsuya_hash *stamp)
+static tsuya_status finish(const run *r, int view, const char *kind, const tsuya_depth_map *map, const tsuya_hash *stamp)
 {
-    TSUYA_TRY(tsuya_map_save(map, r->options->workspace, r->model.view[view].name, kind_name(geometric)));
-    char *path = stamp_path(r, view, geometric);
+    TSUYA_TRY(tsuya_map_save(map, r->options->workspace, r->model.view[view].name, kind));
+    char *path = stamp_path(r, view, kind);
     char *folder = path ? tsuya_path_folder(path) : NULL;
     tsuya_status status = folder ? tsuya_folder_make(folder) : TSUYA_ERROR_MEMORY;
     if (status == TSUYA_OK) {
@@ -177,7 +195,7 @@ static tsuya_status solve_view(run *r, int view, bool geometric, const tsuya_has
         .geometric = geometric, .filter = geometric || !r->options->geometric,
     };
     TSUYA_GOTO_DONE(status, tsuya_patchmatch(&map, &problem, &r->patchmatch, r->context));
-    TSUYA_GOTO_DONE(status, finish(r, view, geometric, &map, stamp));
+    TSUYA_GOTO_DONE(status, finish(r, view, kind_name(geometric), &map, stamp));
     count_pixels(r, &map, mask, geometric);
 done:
     for (int k = 0; k < TSUYA_STEREO_MAX_SOURCES; k++) {
@@ -204,13 +222,81 @@ static tsuya_status run_pass(run *r, bool geometric)
         if (!geometric) {
             r->photometric[v] = stamp;
         }
-        if (is_finished(r, v, geometric, &stamp)) {
+        if (geometric == r->options->geometric) {
+            r->final[v] = stamp;
+        }
+        if (is_finished(r, v, kind_name(geometric), &stamp)) {
             r->info->maps_resumed++;
         } else {
             TSUYA_TRY(solve_view(r, v, geometric, &stamp));
         }
     }
     *(geometric ? &r->info->seconds_geometric : &r->info->seconds_photometric) = tsuya_clock_s() - began;
+    return TSUYA_OK;
+}
+
+/* ---- the prior ---- */
+
+static void count_closed(run *r, const tsuya_depth_map *map, const tsuya_depth_map *prior, const uint8_t *mask)
+{
+    const size_t pixels = (size_t)map->width_px * (size_t)map->height_px;
+    for (size_t i = 0; i < pixels; i++) {
+        r->open_pixels += (!mask || mask[i]) && !(map->depth[i] > 0.0f);
+        r->closed_pixels += prior->depth[i] > 0.0f;
+    }
+}
+
+static tsuya_status close_view(run *r, int view, const tsuya_hash *stamp)
+{
+    const tsuya_view_plan *plan = &r->plan[view];
+    const char *workspace = r->options->workspace, *kind = kind_name(r->options->geometric), *name = r->model.view[view].name;
+    const tsuya_stereo_image *image[1 + TSUYA_STEREO_MAX_SOURCES];
+    const tsuya_prior_options options = tsuya_prior_options_default();
+    tsuya_depth_map map = {0}, prior = {0}, other = {0};
+    int views[1 + TSUYA_STEREO_MAX_SOURCES] = {view};
+    uint8_t *mask = NULL;
+    tsuya_camera camera;
+    tsuya_status status = TSUYA_OK;
+    memcpy(views + 1, plan->source, (size_t)plan->source_count * sizeof *views);
+    TSUYA_GOTO_DONE(status, tsuya_map_camera(&camera, &r->model, view, r->options->long_side_px, workspace));
+    TSUYA_GOTO_DONE(status, tsuya_map_mask_load(&mask, workspace, name, &camera));
+    TSUYA_GOTO_DONE(status, tsuya_map_load(&map, workspace, name, kind, true));
+    TSUYA_GOTO_DONE(status, tsuya_stereo_cache_get(image, r->cache, views, 1 + plan->source_count));
+    tsuya_prior_problem problem = {.reference = image[0], .mask = mask, .map = &map, .depth_min = plan->depth_min, .depth_max = plan->depth_max};
+    TSUYA_GOTO_DONE(status, tsuya_prior(&prior, &problem, &options, r->context));
+    for (int k = 0; k < plan->source_count; k++) {
+        TSUYA_GOTO_DONE(status, tsuya_map_load(&other, workspace, r->model.view[plan->source[k]].name, kind, false));
+        tsuya_prior_drop_contradicted(&prior, image[0], image[1 + k], other.depth, r->context);
+        tsuya_depth_map_free(&other);
+    }
+    TSUYA_GOTO_DONE(status, finish(r, view, "prior", &prior, stamp));
+    count_closed(r, &map, &prior, mask);
+done:
+    tsuya_depth_map_free(&map);
+    tsuya_depth_map_free(&prior);
+    tsuya_depth_map_free(&other);
+    tsuya_free(mask);
+    return status;
+}
+
+static tsuya_status run_prior(run *r)
+{
+    double began = tsuya_clock_s();
+    for (int v = 0; v < r->model.view_count; v++) {
+        tsuya_hash stamp;
+        if (!r->plan[v].used) {
+            continue;
+        }
+        TSUYA_TRY(tsuya_check_interrupt());
+        tsuya_progress_update(r->context, "stereo, gaps", r->done++, r->total, r->model.view[v].name);
+        TSUYA_TRY(prior_stamp(&stamp, r, v));
+        if (is_finished(r, v, "prior", &stamp)) {
+            r->info->maps_resumed++;
+        } else {
+            TSUYA_TRY(close_view(r, v, &stamp));
+        }
+    }
+    r->info->seconds_prior = tsuya_clock_s() - began;
     return TSUYA_OK;
 }
 
@@ -263,7 +349,8 @@ static tsuya_status prepare(run *r)
                                         o->cache_mb << 20));
     r->content = tsuya_arena_alloc(r->arena, (size_t)r->model.view_count, sizeof *r->content);
     r->photometric = tsuya_arena_alloc(r->arena, (size_t)r->model.view_count, sizeof *r->photometric);
-    if (!r->content || !r->photometric) {
+    r->final = tsuya_arena_alloc(r->arena, (size_t)r->model.view_count, sizeof *r->final);
+    if (!r->content || !r->photometric || !r->final) {
         return TSUYA_ERROR_MEMORY;
     }
     int sources = 0;
@@ -277,14 +364,15 @@ static tsuya_status prepare(run *r)
         }
     }
     r->info->source_views = (double)sources / r->info->views;
-    r->total = r->info->views * (o->geometric ? 2 : 1);
+    r->total = r->info->views * (1 + o->geometric + o->prior);
     return TSUYA_OK;
 }
 
 static void summarise(run *r)
 {
     tsuya_stereo_info *info = r->info;
-    info->seconds = info->seconds_photometric + info->seconds_geometric;
+    info->seconds = info->seconds_photometric + info->seconds_geometric + info->seconds_prior;
+    info->closed = r->open_pixels > 0 ? r->closed_pixels / r->open_pixels : NAN;
     info->megapixels = r->masked_pixels * 1e-6;
     info->coverage = r->masked_pixels > 0 ? r->covered_pixels / r->masked_pixels : NAN;
     info->seconds_per_megapixel = info->megapixels > 0 ? info->seconds / info->megapixels : NAN;
@@ -306,6 +394,9 @@ tsuya_status tsuya_stereo(tsuya_stereo_info *info, const tsuya_stereo_options *o
     if (options->geometric) {
         TSUYA_GOTO_DONE(status, run_pass(&r, true));
     }
+    if (options->prior) {
+        TSUYA_GOTO_DONE(status, run_prior(&r));
+    }
     tsuya_progress_update(context, "stereo", r.total, r.total, NULL);
     summarise(&r);
 done:
@@ -326,7 +417,9 @@ void tsuya_stereo_info_to_json(tsuya_json *object, const tsuya_stereo_info *info
     tsuya_json_set_number(object, "megapixels", info->megapixels);
     tsuya_json_set_number(object, "seconds_per_megapixel", info->seconds_per_megapixel);
     tsuya_json_set_number(object, "coverage", info->coverage);
+    tsuya_json_set_number(object, "closed", info->closed);
     tsuya_json_set_number(object, "seconds_photometric", info->seconds_photometric);
     tsuya_json_set_number(object, "seconds_geometric", info->seconds_geometric);
+    tsuya_json_set_number(object, "seconds_prior", info->seconds_prior);
     tsuya_json_set_number(object, "seconds", info->seconds);
 }

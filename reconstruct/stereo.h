@@ -3,6 +3,7 @@
  *
  * Reads WORKSPACE/sparse, WORKSPACE/images and, where it exists, WORKSPACE/masks/NAME.png (white keeps).  Writes
  *   WORKSPACE/stereo/depth_maps/NAME.photometric.bin, NAME.geometric.bin    depth along the optical axis, 0 = none
+ *   WORKSPACE/stereo/depth_maps/NAME.prior.bin                             what the curved prior closes of its gaps (prior.h)
  *   WORKSPACE/stereo/normal_maps/...                                        unit, camera frame, towards the camera
  *   WORKSPACE/stereo/patch-match.cfg, fusion.cfg                            references and sources
  *   WORKSPACE/stereo/stamps/NAME.*.txt                                      hash of everything that a map depends on
@@ -20,6 +21,7 @@ typedef struct tsuya_stereo_options {
     int long_side_px;  /* maps are made at this size of the longer side; 0: as the photographs are */
     int source_views;  /* at most this many for each reference, 1 … 12; default 5 */
     bool geometric;    /* second pass and its maps; default true */
+    bool prior;        /* the prior's maps; default true */
     const char *const *hold_out; /* names of photographs that are neither reference nor source */
     int hold_out_count;
     size_t cache_mb;   /* photographs kept in memory; default 1024, never fewer than one reference needs */
@@ -34,8 +36,9 @@ typedef struct tsuya_stereo_info {
     double source_views; /* mean number a reference */
     double megapixels;   /* inside the masks, of the references computed by this run */
     double seconds_per_megapixel; /* of both passes, NaN where nothing was computed */
+    double closed;       /* share of the open pixels inside the masks that the prior closes, maps of this run */
     double coverage;     /* share of the pixels inside the masks that have depth, final maps of this run */
-    double seconds_photometric, seconds_geometric, seconds;
+    double seconds_photometric, seconds_geometric, seconds_prior, seconds;
 } tsuya_stereo_info;
 
 /* Fails on a model without points (the depth range would be unknown), on photographs whose size is not their camera's,
