@@ -194,8 +194,8 @@ static error_t parse_mesh(int key, char *arg, struct argp_state *state)
 static const tsuya_syntax mesh_syntax = {
     .arguments = "MESH.ply",
     .example = "tsuya weave mesh demo/reconstruct/mesh.ply -o out/weave",
-    .doc = "Lifts the threads of all photographs to one weft field on the surface: weave.ply (weft_x weft_y weft_z weave_confidence) and "
-           "weave.json.",
+    .doc = "Lifts the threads of all photographs to one weft field on the surface: weave.ply (weft_x weft_y weft_z weave_confidence shear_deg "
+           "weft_threads_per_m warp_threads_per_m) and weave.json.",
     .options = mesh_options,
     .parse = parse_mesh,
 };
@@ -239,6 +239,7 @@ static tsuya_status weave_mesh(tsuya_json *figures, mesh_input *input, const tsu
     }
     TSUYA_GOTO_DONE(status, save_mesh(figures, &mesh, input->output));
 done:
+    tsuya_weave_mesh_info_free(&info);
     tsuya_mesh_free(&mesh);
     tsuya_free(folder);
     tsuya_free(workspace);

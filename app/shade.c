@@ -48,8 +48,8 @@ static void shade_pixel(uint8_t rgb[3], const tsuya_mesh *mesh, const uint32_t *
                         const tsuya_shade_options *options)
 {
     const float *value = options->value;
-    if (options->shade == TSUYA_SHADE_VALUE) {
-        double x = w[0] * value[v[0]] + w[1] * value[v[1]] + w[2] * value[v[2]];
+    double x = options->shade == TSUYA_SHADE_VALUE ? w[0] * value[v[0]] + w[1] * value[v[1]] + w[2] * value[v[2]] : NAN;
+    if (isfinite(x)) {
         tsuya_color_map(rgb, (x - options->low) / (options->high - options->low));
     } else if (options->shade == TSUYA_SHADE_COLOR && mesh->color) {
         for (int c = 0; c < 3; c++) {

@@ -14,7 +14,7 @@ typedef enum tsuya_shade {
 
 typedef struct tsuya_shade_options {
     tsuya_shade shade;
-    const float *value; /* vertex_count numbers for TSUYA_SHADE_VALUE, drawn from low to high, low < high */
+    const float *value; /* vertex_count numbers for TSUYA_SHADE_VALUE, drawn from low to high, low < high; NaN: clay */
     double low, high;
 } tsuya_shade_options;
 

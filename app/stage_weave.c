@@ -206,6 +206,7 @@ tsuya_status tsuya_stage_weave_run(const tsuya_stage_run *run)
     TSUYA_GOTO_DONE(status, draw_overlays(run));
     TSUYA_GOTO_DONE(status, tsuya_json_save(run->figures, json));
 done:
+    tsuya_weave_mesh_info_free(&info);
     tsuya_mesh_free(&mesh);
     return status;
 }

@@ -11,6 +11,8 @@ const tsuya_mesh_array tsuya_mesh_arrays[TSUYA_MESH_ARRAY_COUNT] = {
     {TSUYA_MESH_COLOR, offsetof(tsuya_mesh, color), 3, true, {"red", "green", "blue"}},
     {TSUYA_MESH_WEFT, offsetof(tsuya_mesh, weft), 3, false, {"weft_x", "weft_y", "weft_z"}},
     {TSUYA_MESH_CONFIDENCE, offsetof(tsuya_mesh, weave_confidence), 1, false, {"weave_confidence"}},
+    {TSUYA_MESH_SHEAR, offsetof(tsuya_mesh, shear_deg), 1, false, {"shear_deg"}},
+    {TSUYA_MESH_THREADS, offsetof(tsuya_mesh, threads_per_m), 2, false, {"weft_threads_per_m", "warp_threads_per_m"}},
     {TSUYA_MESH_EVIDENCE, offsetof(tsuya_mesh, evidence), 1, false, {"evidence"}},
     {TSUYA_MESH_SIGMA, offsetof(tsuya_mesh, sigma), 1, false, {"sigma"}},
     {TSUYA_MESH_MATERIAL, offsetof(tsuya_mesh, material), 1, true, {"material"}},

@@ -18,6 +18,8 @@ typedef struct tsuya_mesh {
     uint8_t *color;           /* 3 × vertex_count, sRGB; red green blue */
     float *weft;              /* 3 × vertex_count, unit tangent along the weft; weft_x weft_y weft_z */
     float *weave_confidence;  /* vertex_count, [0, 1] */
+    float *shear_deg;         /* vertex_count, angle from weft to warp, counter-clockwise about the normal, less 90 degrees */
+    float *threads_per_m;     /* 2 × vertex_count, of weft and of warp, across them, per unit of position; 0: not seen */
     float *evidence;          /* vertex_count, how many photographs support the place */
     float *sigma;             /* vertex_count, standard deviation of the position along the normal, unit of position */
     uint8_t *material;        /* vertex_count, index of the material */
@@ -27,7 +29,7 @@ typedef struct tsuya_mesh {
 /* Which optional arrays a new mesh gets. */
 enum {
     TSUYA_MESH_NORMAL = 1, TSUYA_MESH_COLOR = 2, TSUYA_MESH_WEFT = 4, TSUYA_MESH_CONFIDENCE = 8, TSUYA_MESH_EVIDENCE = 16,
-    TSUYA_MESH_MATERIAL = 32, TSUYA_MESH_SIGMA = 64,
+    TSUYA_MESH_MATERIAL = 32, TSUYA_MESH_SIGMA = 64, TSUYA_MESH_SHEAR = 128, TSUYA_MESH_THREADS = 256,
 };
 
 /* Zeroed arrays. */
@@ -48,7 +50,8 @@ typedef struct tsuya_ply_save_options {
     int comment_count;
     const char *const *comment;
 } tsuya_ply_save_options;
-/* Atomic.  Property order: x y z nx ny nz red green blue weft_x weft_y weft_z weave_confidence evidence sigma material. */
+/* Atomic.  Property order: x y z nx ny nz red green blue weft_x weft_y weft_z weave_confidence shear_deg
+ * weft_threads_per_m warp_threads_per_m evidence sigma material. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_ply_save(const tsuya_mesh *mesh, const char *path,
                                                        const tsuya_ply_save_options *options /* NULL: binary little-endian */);
 

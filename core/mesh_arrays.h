@@ -12,7 +12,7 @@ typedef struct tsuya_mesh_array {
     const char *property[3]; /* names in PLY */
 } tsuya_mesh_array;
 
-enum { TSUYA_MESH_ARRAY_COUNT = 8 };
+enum { TSUYA_MESH_ARRAY_COUNT = 10 };
 /* In the order of the PLY's properties; the position comes first. */
 extern const tsuya_mesh_array tsuya_mesh_arrays[TSUYA_MESH_ARRAY_COUNT];
 

@@ -3,6 +3,7 @@
 #include <math.h>
 
 static const double AGREE_RAD = 6.0 * M_PI / 180.0;
+static const double CHANCE = 0.2; /* confidence below which a cross does not hold the field: it is wrong more often than the places around */
 
 /* 0: the families match as they stand; 1: swapped; −1: they do not match. */
 static int pairing(const tsuya_vote *v, const tsuya_vote *w)
@@ -80,5 +81,6 @@ void tsuya_evidence_merge(tsuya_evidence *e, const tsuya_vote *vote, int count)
     e->period_a = (float)(period[0] / sum);
     e->period_b = (float)(period[1] / sum);
     e->confidence = (float)((1.0 - disbelief) * share);
-    e->weight = e->confidence * e->confidence;
+    double above = fmax((double)e->confidence - CHANCE, 0.0) / (1.0 - CHANCE);
+    e->weight = (float)(above * above);
 }

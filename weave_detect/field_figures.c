@@ -21,30 +21,60 @@ static double quantile(float *value, size_t count, double q)
 
 int tsuya_field_index(const tsuya_field_view *f, const uint32_t vertex[3])
 {
+    const double quarter = 0.5 * M_PI;
     double turn = 0.0, change = 0.0;
     for (int k = 0; k < 3; k++) {
         uint32_t v = vertex[k], u = vertex[(k + 1) % 3], e = tsuya_mesh_graph_find(f->graph, v, u);
-        if (e == UINT32_MAX) {
+        if (e == UINT32_MAX || (f->edge_scale && f->edge_scale[e] < 0.5f)) {
             return 0;
         }
         double step = (double)f->graph->turn_rad[e]; /* u's angles plus this are v's */
         double d = (double)f->weft_rad[u] + step - (double)f->weft_rad[v];
-        change += d - M_PI * round(d / M_PI);
+        change += d - quarter * round(d / quarter);
         turn += step;
     }
     turn -= 2.0 * M_PI * round(turn / (2.0 * M_PI));
-    return (int)lround((change - turn) / M_PI);
+    return (int)lround((change - turn) / quarter);
 }
 
-static int count_singularities(const tsuya_field_view *f)
+static tsuya_weave_singularity singularity_at(const tsuya_field_view *f, const uint32_t v[3], int quarters)
 {
-    int count = 0;
-    for (size_t t = 0; t < f->mesh->triangle_count; t++) {
-        const uint32_t *v = f->mesh->triangle + 3 * t;
-        bool rim = f->graph->rim[v[0]] || f->graph->rim[v[1]] || f->graph->rim[v[2]];
-        count += !rim && tsuya_field_index(f, v) != 0;
+    tsuya_weave_singularity s = {.quarters = quarters};
+    for (int k = 0; k < 3; k++) {
+        s.position = tsuya_vec3_mad(s.position, 1.0 / 3.0, tsuya_mesh_position(f->mesh, v[k]));
+        s.confidence += (double)f->mesh->weave_confidence[v[k]] / 3.0;
     }
-    return count;
+    return s;
+}
+
+/* Counts, then lists. */
+static tsuya_status find_singularities(tsuya_weave_mesh_info *info, const tsuya_field_view *f)
+{
+    tsuya_status status = TSUYA_OK;
+    for (int pass = 0; pass < 2; pass++) {
+        int count = 0;
+        for (size_t t = 0; t < f->mesh->triangle_count; t++) {
+            const uint32_t *v = f->mesh->triangle + 3 * t;
+            bool rim = f->graph->rim[v[0]] || f->graph->rim[v[1]] || f->graph->rim[v[2]];
+            int quarters = rim ? 0 : tsuya_field_index(f, v);
+            if (quarters != 0 && pass == 1) {
+                info->singularity[count] = singularity_at(f, v, quarters);
+            }
+            count += quarters != 0;
+        }
+        info->singularities = count;
+        if (pass == 0) {
+            TSUYA_NEW(status, info->singularity, (size_t)count);
+        }
+    }
+done:
+    return status;
+}
+
+void tsuya_weave_mesh_info_free(tsuya_weave_mesh_info *info)
+{
+    tsuya_free(info->singularity);
+    *info = (tsuya_weave_mesh_info){0};
 }
 
 static void areas(tsuya_weave_mesh_info *info, const tsuya_field_view *f)
@@ -70,14 +100,10 @@ tsuya_status tsuya_field_figures(tsuya_weave_mesh_info *info, const tsuya_field_
     TSUYA_NEW(status, warp, count);
     TSUYA_NEW(status, shear, count);
     for (size_t v = 0; v < count; v++) {
-        const tsuya_evidence *e = &f->evidence[v];
         if (f->threads_seen && f->mesh->weave_confidence[v] >= 0.5f) {
-            bool b = tsuya_line_difference((double)e->b_rad, (double)f->weft_rad[v]) <
-                     tsuya_line_difference((double)e->a_rad, (double)f->weft_rad[v]);
-            weft[n] = 1.0f / (b ? e->period_b : e->period_a);
-            warp[n] = 1.0f / (b ? e->period_a : e->period_b);
-            double between = tsuya_line_difference((double)f->weft_rad[v], (double)f->warp_rad[v]);
-            shear[n++] = (float)tsuya_deg_from_rad(0.5 * M_PI - between);
+            weft[n] = f->mesh->threads_per_m[2 * v];
+            warp[n] = f->mesh->threads_per_m[2 * v + 1];
+            shear[n++] = fabsf(f->mesh->shear_deg[v]);
         }
     }
     info->patches_sure = f->votes->patches > 0 ? (double)f->votes->sure / (double)f->votes->patches : 0.0;
@@ -85,7 +111,7 @@ tsuya_status tsuya_field_figures(tsuya_weave_mesh_info *info, const tsuya_field_
     info->threads_per_m_warp = quantile(warp, n, 0.5);
     info->shear_deg_median = quantile(shear, n, 0.5);
     info->shear_deg_p90 = quantile(shear, n, 0.9);
-    info->singularities = count_singularities(f);
+    TSUYA_GOTO_DONE(status, find_singularities(info, f));
     areas(info, f);
 done:
     tsuya_free(weft);
@@ -103,6 +129,16 @@ void tsuya_weave_mesh_info_to_json(tsuya_json *figures, const tsuya_weave_mesh_i
     tsuya_json_set_number(figures, "textured_fraction", info->textured_fraction);
     tsuya_json_set_bool(figures, "threads_seen", info->threads_seen);
     tsuya_json_set_number(figures, "singularities", info->singularities);
+    tsuya_json *list = tsuya_json_set_array(figures, "singularity_list");
+    for (int i = 0; i < info->singularities; i++) {
+        const tsuya_weave_singularity *s = &info->singularity[i];
+        tsuya_json *one = tsuya_json_add_object(list);
+        tsuya_json_set_number(one, "x", s->position.x);
+        tsuya_json_set_number(one, "y", s->position.y);
+        tsuya_json_set_number(one, "z", s->position.z);
+        tsuya_json_set_number(one, "quarter_turns", s->quarters);
+        tsuya_json_set_number(one, "confidence", s->confidence);
+    }
     tsuya_json_set_number(figures, "threads_per_m_weft", info->threads_per_m_weft);
     tsuya_json_set_number(figures, "threads_per_m_warp", info->threads_per_m_warp);
     tsuya_json_set_number(figures, "shear_deg_median", info->shear_deg_median);

@@ -1,6 +1,7 @@
 #include "weave_detect/mesh_field.h"
 
 #include "core/memory.h"
+#include "weave_detect/census.h"
 #include "weave_detect/evidence.h"
 #include "weave_detect/field_figures.h"
 #include "weave_detect/smooth.h"
@@ -10,8 +11,14 @@
 
 /* Smoothing length of full evidence, in patch spacings; texture holds a tenth as strongly as threads. */
 static const double LENGTH = 0.35, FLOW_PULL = 0.1;
+/* Rounds in which the crosses are smoothed, first over a few patches, so that a patch that went wrong among right ones is outvoted, then closely:
+ * evidence that is farther than ASTRAY from the field loses its hold, edges over which the field turns faster than SEAM let go. */
+enum { ROUNDS = 4 };
+static const double REACH[ROUNDS] = {3.0, 3.0, 1.0, 1.0};
+static const double ASTRAY_RAD = 12.0 * M_PI / 180.0, SEAM_RAD = 30.0 * M_PI / 180.0 /* per patch spacing */, SEAM_LENGTH = 0.2;
 static const double SEEN_FRACTION = 0.01; /* of the area with threads: below it the surface shows none */
 static const double PERIODS_DIFFER = 1.1;
+static const float SEEN_CONFIDENCE = 0.2f; /* from which a vertex's own threads are counted */
 
 tsuya_weave_mesh_options tsuya_weave_mesh_options_default(void)
 {
@@ -27,6 +34,8 @@ typedef struct field {
     tsuya_evidence *evidence;
     tsuya_complex *z, *target;
     double *pull;
+    float *keep;       /* of the evidence, [0, 1]: less where it is astray */
+    float *edge_scale; /* one a graph entry, [0, 1]: less over seams */
     uint8_t *choice;
     uint32_t *root;
     tsuya_choice_edge *edge;
@@ -61,16 +70,62 @@ static void set_target(field *f, size_t v, double angle_rad, int fold, double pu
     f->pull[v] = pull * area_scale(f, v);
 }
 
+static double cross_of(const tsuya_evidence *e)
+{
+    double a = 4.0 * (double)e->a_rad, b = 4.0 * (double)e->b_rad;
+    return 0.25 * atan2(sin(a) + sin(b), cos(a) + cos(b));
+}
+
+/* Geman and McClure's weight. */
+static double robust(double miss, double scale)
+{
+    double t = miss / scale;
+    return 1.0 / ((1.0 + t * t) * (1.0 + t * t));
+}
+
+static double cross_difference(double a_rad, double b_rad) { return fabs(remainder(a_rad - b_rad, 0.5 * M_PI)); }
+
+static void judge_evidence(field *f)
+{
+    for (size_t v = 0; v < f->mesh->vertex_count; v++) {
+        double angle = 0.25 * atan2(f->z[v].im, f->z[v].re);
+        f->keep[v] = (float)robust(cross_difference(cross_of(&f->evidence[v]), angle), ASTRAY_RAD);
+    }
+}
+
+/* Edges over which the cross turns too fast.  What lies between vertices that know little is left to the smoothing. */
+static void judge_edges(field *f)
+{
+#pragma omp parallel for schedule(static) num_threads(f->context->threads)
+    for (long long v = 0; v < (long long)f->mesh->vertex_count; v++) {
+        for (uint32_t e = f->graph.start[v]; e < f->graph.start[v + 1]; e++) {
+            uint32_t u = f->graph.neighbour[e];
+            double length = tsuya_vec3_norm(tsuya_vec3_sub(tsuya_mesh_position(f->mesh, u), tsuya_mesh_position(f->mesh, (size_t)v)));
+            double there = 0.25 * atan2(f->z[u].im, f->z[u].re) + (double)f->graph.turn_rad[e], here = 0.25 * atan2(f->z[v].im, f->z[v].re);
+            double known = fmin(hypot(f->z[u].re, f->z[u].im), hypot(f->z[v].re, f->z[v].im));
+            double rate = cross_difference(there, here) * f->votes.spacing / fmax(length, 1e-12);
+            f->edge_scale[e] = known > SEAM_LENGTH ? (float)fmax(robust(rate, SEAM_RAD), 1e-3) : 1.0f;
+        }
+    }
+}
+
 /* Four-fold: where the cross of threads stands. */
 static tsuya_status solve_cross(field *f)
 {
-    for (size_t v = 0; v < f->mesh->vertex_count; v++) {
-        const tsuya_evidence *e = &f->evidence[v];
-        double a = 4.0 * (double)e->a_rad, b = 4.0 * (double)e->b_rad;
-        set_target(f, v, 0.25 * atan2(sin(a) + sin(b), cos(a) + cos(b)), 4, (double)e->weight);
-    }
     memset(f->z, 0, f->mesh->vertex_count * sizeof *f->z);
-    return tsuya_smooth_directions(f->z, f->target, f->pull, NULL, 4, &f->graph, f->context);
+    for (size_t v = 0; v < f->mesh->vertex_count; v++) {
+        f->keep[v] = 1.0f;
+    }
+    for (int round = 0; round < ROUNDS; round++) {
+        for (size_t v = 0; v < f->mesh->vertex_count; v++) {
+            const tsuya_evidence *e = &f->evidence[v];
+            set_target(f, v, cross_of(e), 4, (double)(e->weight * f->keep[v]) / (REACH[round] * REACH[round]));
+        }
+        TSUYA_TRY(tsuya_smooth_directions(f->z, f->target, f->pull, round > 0 ? f->edge_scale : NULL, 4, &f->graph, f->context));
+        judge_evidence(f);
+        judge_edges(f);
+    }
+    return TSUYA_OK;
 }
 
 static void set_angles(float *angle_rad, const tsuya_complex *z, int fold, size_t count)
@@ -162,10 +217,10 @@ static tsuya_status solve_family(field *f, float *angle_rad)
         const tsuya_evidence *e = &f->evidence[v];
         double start = (double)angle_rad[v];
         double own = (double)(nearer_family(e, start) ? e->b_rad : e->a_rad);
-        set_target(f, v, own, 2, (double)e->weight);
+        set_target(f, v, own, 2, (double)(e->weight * f->keep[v]));
         f->z[v] = (tsuya_complex){cos(2.0 * start), sin(2.0 * start)};
     }
-    TSUYA_TRY(tsuya_smooth_directions(f->z, f->target, f->pull, NULL, 2, &f->graph, f->context));
+    TSUYA_TRY(tsuya_smooth_directions(f->z, f->target, f->pull, f->edge_scale, 2, &f->graph, f->context));
     set_angles(angle_rad, f->z, 2, f->mesh->vertex_count);
     return TSUYA_OK;
 }
@@ -197,6 +252,19 @@ static tsuya_status set_signs(field *f)
     return TSUYA_OK;
 }
 
+/* The vertex's shear, and its threads where they were seen. */
+static void write_cloth(field *f, size_t v)
+{
+    const tsuya_evidence *e = &f->evidence[v];
+    bool b = nearer_family(e, (double)f->weft_rad[v]);
+    double between = tsuya_line_wrap((double)f->warp_rad[v] - (double)f->weft_rad[v]);
+    f->mesh->shear_deg[v] = f->threads_seen ? (float)tsuya_deg_from_rad(between - 0.5 * M_PI) : 0.0f;
+    if (f->threads_seen && f->mesh->weave_confidence[v] > SEEN_CONFIDENCE) {
+        f->mesh->threads_per_m[2 * v] = 1.0f / (b ? e->period_b : e->period_a);
+        f->mesh->threads_per_m[2 * v + 1] = 1.0f / (b ? e->period_a : e->period_b);
+    }
+}
+
 /* Angles to vectors, and the confidence: that of the evidence, less where the smoothed field left it. */
 static void write_field(field *f)
 {
@@ -213,6 +281,7 @@ static void write_field(field *f)
         double own = (double)(nearer_family(e, angle) ? e->b_rad : e->a_rad), left = tsuya_line_difference(own, angle);
         double agree = exp(-0.5 * (left / 0.05) * (left / 0.05));
         f->mesh->weave_confidence[v] = f->threads_seen ? (float)((double)e->confidence * agree) : 0.1f * e->confidence;
+        write_cloth(f, v);
     }
 }
 
@@ -224,6 +293,8 @@ static tsuya_status allocate(field *f)
     TSUYA_NEW(status, f->z, n);
     TSUYA_NEW(status, f->target, n);
     TSUYA_NEW(status, f->pull, n);
+    TSUYA_NEW(status, f->keep, n);
+    TSUYA_NEW(status, f->edge_scale, n > 0 ? f->graph.start[n] : 0);
     TSUYA_NEW(status, f->choice, n);
     TSUYA_NEW(status, f->root, n);
     TSUYA_NEW(status, f->weft_rad, n);
@@ -241,6 +312,8 @@ static void free_field(field *f)
     tsuya_free(f->z);
     tsuya_free(f->target);
     tsuya_free(f->pull);
+    tsuya_free(f->keep);
+    tsuya_free(f->edge_scale);
     tsuya_free(f->choice);
     tsuya_free(f->root);
     tsuya_free(f->weft_rad);
@@ -270,14 +343,15 @@ tsuya_status tsuya_weave_mesh(tsuya_mesh *mesh, tsuya_weave_mesh_info *info, con
     if (!mesh->normal) {
         TSUYA_TRY(tsuya_mesh_compute_normals(mesh));
     }
-    TSUYA_TRY(tsuya_mesh_add_arrays(mesh, TSUYA_MESH_WEFT | TSUYA_MESH_CONFIDENCE));
+    TSUYA_TRY(tsuya_mesh_add_arrays(mesh, TSUYA_MESH_WEFT | TSUYA_MESH_CONFIDENCE | TSUYA_MESH_SHEAR | TSUYA_MESH_THREADS));
     TSUYA_GOTO_DONE(status, tsuya_mesh_graph_create(&f.graph, mesh));
     TSUYA_GOTO_DONE(status, allocate(&f));
     TSUYA_GOTO_DONE(status, tsuya_votes_gather(&f.votes, mesh, options, context));
+    TSUYA_GOTO_DONE(status, tsuya_census_apply(&f.votes, f.graph.area));
     merge_all(&f);
     TSUYA_GOTO_DONE(status, solve(&f));
     write_field(&f);
-    tsuya_field_view view = {mesh, &f.graph, &f.votes, f.evidence, f.weft_rad, f.warp_rad, f.threads_seen};
+    tsuya_field_view view = {mesh, &f.graph, &f.votes, f.evidence, f.weft_rad, f.edge_scale, f.threads_seen};
     TSUYA_GOTO_DONE(status, tsuya_field_figures(info, &view));
     info->seconds = tsuya_clock_s() - begin;
 done:

@@ -3,7 +3,7 @@
 #include "core/memory.h"
 #include "core/shapes.h"
 
-enum { EVERYTHING = TSUYA_MESH_NORMAL | TSUYA_MESH_COLOR | TSUYA_MESH_WEFT | TSUYA_MESH_CONFIDENCE | TSUYA_MESH_EVIDENCE |
+enum { EVERYTHING = TSUYA_MESH_NORMAL | TSUYA_MESH_COLOR | TSUYA_MESH_WEFT | TSUYA_MESH_CONFIDENCE | TSUYA_MESH_EVIDENCE | TSUYA_MESH_SHEAR | TSUYA_MESH_THREADS |
                     TSUYA_MESH_MATERIAL | TSUYA_MESH_SIGMA };
 
 static void sphere_has_the_area_bounds_and_normals_of_a_sphere(void **state)

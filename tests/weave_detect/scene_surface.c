@@ -15,7 +15,7 @@ static const double half_side_m = 0.26, distance_m = 0.95, thread_m = 0.0062, sh
 
 const char *surface_name(surface_kind kind)
 {
-    static const char *const name[] = {"sheared cylinder", "cone", "drape"};
+    static const char *const name[] = {"sheared cylinder", "cone", "drape", "seam"};
     return name[kind];
 }
 
@@ -36,6 +36,9 @@ static tsuya_vec3 point_at(surface_kind kind, double u, double v)
 
 static double skew(surface_kind kind) { return kind == SURFACE_CYLINDER ? shear : 0.0; }
 
+/* Where the weft runs in (u, v). */
+static double weft_turn(surface_kind kind, double u) { return kind == SURFACE_SEAM && u > SURFACE_SEAM_M ? SURFACE_SEAM_DEG * M_PI / 180.0 : 0.0; }
+
 static void set_vector(float *out, tsuya_vec3 v)
 {
     out[0] = (float)v.x;
@@ -51,7 +54,8 @@ static void make_mesh(tsuya_mesh *mesh, float *uv, surface_kind kind, int side)
             size_t k = (size_t)j * (size_t)side + (size_t)i;
             double u = half_side_m * (2.0 * i / (side - 1) - 1.0), v = 0.8 * half_side_m * (2.0 * j / (side - 1) - 1.0), d = 1e-5;
             set_vector(mesh->position + 3 * k, point_at(kind, u, v));
-            set_vector(mesh->weft + 3 * k, tsuya_vec3_unit(tsuya_vec3_sub(point_at(kind, u + d, v), point_at(kind, u - d, v))));
+            double du = d * cos(weft_turn(kind, u)), dv = d * sin(weft_turn(kind, u));
+            set_vector(mesh->weft + 3 * k, tsuya_vec3_unit(tsuya_vec3_sub(point_at(kind, u + du, v + dv), point_at(kind, u - du, v - dv))));
             if (uv) {
                 uv[2 * k] = (float)u;
                 uv[2 * k + 1] = (float)v;
@@ -78,7 +82,8 @@ static tsuya_pose pose_of(int view, int view_count)
 
 static double shade(const weave_loom *loom, surface_kind kind, double u, double v)
 {
-    return weave_brightness(loom, v / thread_m, (u + skew(kind) * v) / (1.15 * thread_m));
+    double turn = weft_turn(kind, u), along = cos(turn) * u + sin(turn) * v, across = cos(turn) * v - sin(turn) * u;
+    return weave_brightness(loom, across / thread_m, (along + skew(kind) * across) / (1.15 * thread_m));
 }
 
 static void photograph(const tsuya_mesh *fine, const float *uv, surface_kind kind, const tsuya_camera *camera, tsuya_pose pose,

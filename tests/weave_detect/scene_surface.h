@@ -8,8 +8,12 @@ typedef enum surface_kind {
     SURFACE_CYLINDER, /* a sheared sheet, rolled */
     SURFACE_CONE,     /* a flat sheet, rolled to a cone: the weft turns along the rim */
     SURFACE_DRAPE,    /* a sheet hung over waves */
+    SURFACE_SEAM,     /* the same of two cuts, sewn together along u = SEAM_M: the second one's weft is turned by SEAM_DEG */
     SURFACE_KIND_COUNT
 } surface_kind;
+
+#define SURFACE_SEAM_M 0.03
+#define SURFACE_SEAM_DEG 35.0
 
 const char *surface_name(surface_kind kind);
 

@@ -54,6 +54,49 @@ static void hold_against(figures *f, const tsuya_mesh *mesh, const tsuya_mesh *t
     tsuya_free(error);
 }
 
+/* Two cuts meet: within 2 cm of the seam, left of it and right of it, the field is each one's own. */
+static void check_seam(const tsuya_mesh *mesh, const tsuya_mesh *truth)
+{
+    double *error = tsuya_calloc(mesh->vertex_count, sizeof *error);
+    size_t count = 0;
+    assert_non_null(error);
+    for (size_t v = 0; v < mesh->vertex_count; v++) {
+        double off = fabs((double)mesh->position[3 * v] - SURFACE_SEAM_M);
+        double cosine = fabs(dot3(mesh->weft + 3 * v, truth->weft + 3 * v)), miss = acos(fmin(cosine, 1.0)) * 180.0 / M_PI;
+        if (off > 0.005 && off < 0.025) {
+            error[count++] = fmin(miss, fabs(90.0 - miss)); /* which family is the weft is judged elsewhere */
+        }
+    }
+    qsort(error, count, sizeof *error, compare_doubles);
+    printf("beside the seam: %.2f degrees median, %.2f at 80 %% over %zu vertices\n", error[count / 2], error[8 * count / 10], count);
+    assert_true(error[count / 2] <= 2.0);
+    assert_true(error[8 * count / 10] <= 6.0);
+    tsuya_free(error);
+}
+
+/* Shear and thread counts of the cloth that was drawn: 6.2 mm a pick, 7.13 mm an end; the cylinder's is sheared by atan 0.16. */
+static void check_cloth(const tsuya_mesh *mesh, surface_kind kind)
+{
+    double sum[3] = {0.0}, skew = kind == SURFACE_CYLINDER ? 0.16 : 0.0;
+    size_t count = 0;
+    for (size_t v = 0; v < mesh->vertex_count; v++) {
+        if (mesh->weave_confidence[v] >= 0.5f) {
+            sum[0] += (double)mesh->shear_deg[v];
+            sum[1] += (double)mesh->threads_per_m[2 * v];
+            sum[2] += (double)mesh->threads_per_m[2 * v + 1];
+            count++;
+        }
+    }
+    for (int k = 0; k < 3; k++) {
+        sum[k] /= (double)count;
+    }
+    printf("shear %.2f degrees, %.1f and %.1f threads a metre\n", sum[0], sum[1], sum[2]);
+    assert_true(fabs(sum[0] - atan(skew) * 180.0 / M_PI) < 0.6);
+    double stretch = kind == SURFACE_CYLINDER || kind == SURFACE_CONE ? 0.0 : 0.04; /* waves are put on a flat sheet */
+    assert_true(fabs(sum[1] * 0.0062 - 1.0) < 0.03 + stretch);
+    assert_true(fabs(sum[2] * 1.15 * 0.0062 / sqrt(1.0 + skew * skew) - 1.0) < 0.03 + stretch);
+}
+
 static void run(surface_kind kind)
 {
     tsuya_mesh mesh, truth;
@@ -74,6 +117,7 @@ static void run(surface_kind kind)
         assert_ok(tsuya_weave_mesh(&mesh, &info, &options, &context));
         hash[threads - 1] = tsuya_hash_bytes(mesh.weft, 3 * mesh.vertex_count * sizeof(float));
         if (threads == 1) {
+            tsuya_weave_mesh_info_free(&info);
             tsuya_mesh_free(&mesh);
         }
     }
@@ -88,6 +132,12 @@ static void run(surface_kind kind)
     assert_true(f.right_family >= 0.99);
     assert_int_equal(f.flips, 0);
     assert_true(f.covered >= 0.3);
+    assert_int_equal(info.singularities, 0);
+    check_cloth(&mesh, kind);
+    if (kind == SURFACE_SEAM) {
+        check_seam(&mesh, &truth);
+    }
+    tsuya_weave_mesh_info_free(&info);
     tsuya_mesh_free(&mesh);
     tsuya_mesh_free(&truth);
 }
@@ -110,9 +160,16 @@ static void test_drape(void **state)
     run(SURFACE_DRAPE);
 }
 
+static void test_seam(void **state)
+{
+    (void)state;
+    run(SURFACE_SEAM);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_sheared_cylinder), cmocka_unit_test(test_cone), cmocka_unit_test(test_drape)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_sheared_cylinder), cmocka_unit_test(test_cone), cmocka_unit_test(test_drape),
+                                       cmocka_unit_test(test_seam)};
     int result = cmocka_run_group_tests(tests, NULL, NULL);
     if (result == 0) {
         test_folder_remove();

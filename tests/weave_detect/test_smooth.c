@@ -2,6 +2,7 @@
 #include "support.h"
 
 #include "core/memory.h"
+#include "weave_detect/field_figures.h"
 #include "weave_detect/smooth.h"
 #include "weave_detect/spanning.h"
 #include "weave_detect/votes.h"
@@ -143,11 +144,48 @@ static void test_choices_follow_the_surest_edges(void **state)
     assert_int_not_equal(root[4], root[5]);
 }
 
+/* Crosses that turn by a quarter (a half) around a point of a flat sheet, −1 … 1 times: found where they were put. */
+static void test_singularities_are_placed(void **state)
+{
+    (void)state;
+    enum { N = SIDE * SIDE };
+    static float weft_rad[N];
+    const double x0 = 11.3, y0 = 9.6;
+    tsuya_mesh mesh;
+    tsuya_mesh_graph graph;
+    tsuya_votes votes = {0};
+    static tsuya_evidence evidence[N];
+    make_sheet(&mesh, 0.0);
+    assert_ok(tsuya_mesh_add_arrays(&mesh, TSUYA_MESH_CONFIDENCE | TSUYA_MESH_SHEAR | TSUYA_MESH_THREADS));
+    assert_ok(tsuya_mesh_graph_create(&graph, &mesh));
+    for (int quarters = -2; quarters <= 2; quarters++) {
+        tsuya_weave_mesh_info info;
+        for (size_t v = 0; v < N; v++) {
+            double angle = 0.25 * quarters * atan2((double)mesh.position[3 * v + 1] - y0, (double)mesh.position[3 * v] - x0);
+            double turned = angle_of(&mesh, v, (tsuya_vec3){cos(angle), sin(angle), 0});
+            weft_rad[v] = (float)(turned + 0.5 * M_PI * (double)(v % 2)); /* families may change places */
+        }
+        tsuya_field_view view = {&mesh, &graph, &votes, evidence, weft_rad, NULL, true};
+        assert_ok(tsuya_field_figures(&info, &view));
+        int sum = 0;
+        for (int i = 0; i < info.singularities; i++) { /* a half turn may be seen as two quarters side by side */
+            sum += info.singularity[i].quarters;
+            assert_true(hypot(info.singularity[i].position.x - x0, info.singularity[i].position.y - y0) < 1.5);
+        }
+        assert_int_equal(sum, quarters);
+        assert_true(info.singularities <= abs(quarters));
+        tsuya_weave_mesh_info_free(&info);
+    }
+    tsuya_mesh_graph_free(&graph);
+    tsuya_mesh_free(&mesh);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_transport_keeps_a_parallel_field), cmocka_unit_test(test_smoothing_fills_from_two_ends),
         cmocka_unit_test(test_threads_do_not_change_the_smoothing), cmocka_unit_test(test_choices_follow_the_surest_edges),
+        cmocka_unit_test(test_singularities_are_placed),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
