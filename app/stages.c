@@ -4,8 +4,8 @@ const tsuya_stage tsuya_stages[TSUYA_STAGE_COUNT] = {
     {"capture", 1, tsuya_stage_capture_plan, tsuya_stage_capture_run},
     {"calib", 1, tsuya_stage_calib_plan, tsuya_stage_calib_run},
     {"reconstruct", 3, tsuya_stage_reconstruct_plan, tsuya_stage_reconstruct_run},
-    {"weave", 2, tsuya_stage_weave_plan, tsuya_stage_weave_run},
-    {"brdf", 2, tsuya_stage_brdf_plan, tsuya_stage_brdf_run},
+    {"weave", 3, tsuya_stage_weave_plan, tsuya_stage_weave_run},
+    {"brdf", 3, tsuya_stage_brdf_plan, tsuya_stage_brdf_run},
     {"render", 4, tsuya_stage_render_plan, tsuya_stage_render_run},
-    {"report", 1, tsuya_stage_report_plan, tsuya_stage_report_run},
+    {"report", 2, tsuya_stage_report_plan, tsuya_stage_report_run},
 };
