@@ -8,12 +8,14 @@
 
 /* FLOOR_PX: below it a residual is no error of a match, whatever the scatter.  FEW observations tell no scatter of their own. */
 static const double CUT_SIGMAS = 4.0, FLOOR_PX = 0.1, MAPPER_PX = 4.0, SETTLED = 0.002;
-enum { MOST_ROUNDS = 6, FEW = 30 };
+/* A principal point is freed last, for so many photographs, and taken back when it goes farther than lenses are off centre. */
+static const double CENTER_MOST = 0.03; /* of the longer side */
+enum { MOST_ROUNDS = 8, FEW = 30, ENOUGH_FOR_CENTER = 10 };
 
 typedef struct adjustment {
     tsuya_sparse_model *model; /* every observation of the mapper; poses and positions as adjusted last */
     tsuya_colmap *colmap;
-    bool fixed_intrinsics;
+    bool fixed_intrinsics, center;
     double *sigma_px;          /* per view */
     bool **keep;               /* per view and observation */
     int *kept;                 /* observations per point; a point that is dropped once has 0 for good */
@@ -185,7 +187,20 @@ static tsuya_status adopt(adjustment *a, const tsuya_sparse_model *part, const c
     return TSUYA_OK;
 }
 
-static tsuya_status round_trip(adjustment *a)
+static bool is_far(const tsuya_sparse_model *part)
+{
+    for (int c = 0; c < part->camera_count; c++) {
+        const tsuya_camera *k = &part->camera[c];
+        double limit = CENTER_MOST * fmax(k->width_px, k->height_px);
+        if (!(hypot(k->cx_px - 0.5 * (k->width_px - 1), k->cy_px - 0.5 * (k->height_px - 1)) <= limit)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* `done` where a freed principal point ran away: the model stays as it was. */
+static tsuya_status round_trip(adjustment *a, bool *done)
 {
     tsuya_sparse_model part = {0};
     tsuya_status status;
@@ -195,9 +210,10 @@ static tsuya_status round_trip(adjustment *a)
     TSUYA_GOTO_DONE(status, tsuya_folder_make(input));
     TSUYA_GOTO_DONE(status, tsuya_sparse_model_save_binary(&part, input));
     tsuya_sparse_model_free(&part);
-    TSUYA_GOTO_DONE(status, tsuya_colmap_adjust(a->colmap, "adjusting/from", "adjusting/to", a->fixed_intrinsics));
+    TSUYA_GOTO_DONE(status, tsuya_colmap_adjust(a->colmap, "adjusting/from", "adjusting/to", a->fixed_intrinsics ? TSUYA_ADJUST_POSES : a->center ? TSUYA_ADJUST_CENTER : TSUYA_ADJUST_LENS));
     TSUYA_GOTO_DONE(status, tsuya_sparse_model_load(&part, output));
-    status = adopt(a, &part, output);
+    *done = a->center && is_far(&part);
+    status = *done ? TSUYA_OK : adopt(a, &part, output);
 done:
     tsuya_sparse_model_free(&part);
     tsuya_free(input);
@@ -254,14 +270,16 @@ tsuya_status tsuya_adjust(tsuya_sparse_model *model, tsuya_adjust_info *info, ts
         goto done;
     }
     TSUYA_GOTO_DONE(status, begin(&a, info));
-    for (info->rounds = 0; info->rounds < MOST_ROUNDS; info->rounds++) {
+    bool done = false, can_center = !fixed_intrinsics && model->view_count >= ENOUGH_FOR_CENTER;
+    for (info->rounds = 0; info->rounds < MOST_ROUNDS && !done; info->rounds++) {
         measure(&a);
-        size_t changed = choose(&a, info);
-        if (info->kept < 3 * (size_t)model->view_count || (double)changed < SETTLED * (double)info->observations) {
+        bool settled = (double)choose(&a, info) < SETTLED * (double)info->observations;
+        if (info->kept < 3 * (size_t)model->view_count || (settled && (a.center || !can_center))) {
             break;
         }
+        a.center = a.center || (can_center && (settled || info->rounds == MOST_ROUNDS / 2));
         tsuya_progress_update(colmap->context, "adjustment", info->rounds, MOST_ROUNDS, NULL);
-        TSUYA_GOTO_DONE(status, round_trip(&a));
+        TSUYA_GOTO_DONE(status, round_trip(&a, &done));
     }
     if (info->rounds > 0) {
         info->sigma_px = median(a.sigma_px, (size_t)model->view_count);

@@ -4,7 +4,8 @@
  * (0.05 to 0.3 px), so the few matches that are wrong by a pixel bend cameras and lens.  Here each photograph's own scatter
  * decides: sigma = 1.4826 × median |residual| per coordinate (a robust scale: Rousseeuw & Croux 1993), an observation farther
  * than four sigmas is left out, a point with fewer than two observations too, and COLMAP's bundle adjuster runs on the rest;
- * repeated until the choice stands.  An observation that was left out comes back when it fits again. */
+ * repeated until the choice stands.  With ten photographs or more of an unknown lens the principal point is freed last; where it
+ * runs farther from the middle than 3 % of the picture, it stays there.  An observation that was left out comes back when it fits again. */
 #ifndef TSUYA_RECONSTRUCT_ADJUST_H
 #define TSUYA_RECONSTRUCT_ADJUST_H
 

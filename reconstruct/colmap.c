@@ -241,7 +241,7 @@ done:
     return status;
 }
 
-tsuya_status tsuya_colmap_adjust(tsuya_colmap *colmap, const char *input, const char *output, bool fixed_intrinsics)
+tsuya_status tsuya_colmap_adjust(tsuya_colmap *colmap, const char *input, const char *output, tsuya_adjust_what what)
 {
     char *help = NULL, path[ARGUMENT_SIZE];
     command *c = tsuya_calloc(1, sizeof *c);
@@ -253,11 +253,9 @@ tsuya_status tsuya_colmap_adjust(tsuya_colmap *colmap, const char *input, const 
     TSUYA_GOTO_DONE(status, tsuya_folder_make(path));
     set_path(c, "--input_path", input);
     set(c, "--output_path", path);
-    if (fixed_intrinsics) {
-        set(c, "--BundleAdjustment.refine_focal_length", "0");
-        set(c, "--BundleAdjustment.refine_principal_point", "0");
-        set(c, "--BundleAdjustment.refine_extra_params", "0");
-    }
+    set(c, "--BundleAdjustment.refine_focal_length", what >= TSUYA_ADJUST_LENS ? "1" : "0");
+    set(c, "--BundleAdjustment.refine_extra_params", what >= TSUYA_ADJUST_LENS ? "1" : "0");
+    set(c, "--BundleAdjustment.refine_principal_point", what >= TSUYA_ADJUST_CENTER ? "1" : "0");
     c->one_processor = true;
     status = finish(c);
 done:

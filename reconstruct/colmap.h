@@ -26,8 +26,13 @@ TSUYA_MUST_CHECK tsuya_status tsuya_colmap_features(tsuya_colmap *colmap, const 
 TSUYA_MUST_CHECK tsuya_status tsuya_colmap_verify(tsuya_colmap *colmap, const char *match_list);
 /* Incremental mapping into FOLDER/OUTPUT/0, 1, …  */
 TSUYA_MUST_CHECK tsuya_status tsuya_colmap_map(tsuya_colmap *colmap, const char *output, bool fixed_intrinsics);
+typedef enum tsuya_adjust_what {
+    TSUYA_ADJUST_POSES,  /* and points */
+    TSUYA_ADJUST_LENS,   /* and focal length and distortion */
+    TSUYA_ADJUST_CENTER, /* and the principal point */
+} tsuya_adjust_what;
 /* Bundle adjustment of FOLDER/INPUT to FOLDER/OUTPUT, on one processor: its sums depend on the number of threads. */
-TSUYA_MUST_CHECK tsuya_status tsuya_colmap_adjust(tsuya_colmap *colmap, const char *input, const char *output, bool fixed_intrinsics);
+TSUYA_MUST_CHECK tsuya_status tsuya_colmap_adjust(tsuya_colmap *colmap, const char *input, const char *output, tsuya_adjust_what what);
 /* Points for known poses: FOLDER/INPUT to FOLDER/OUTPUT. */
 TSUYA_MUST_CHECK tsuya_status tsuya_colmap_triangulate(tsuya_colmap *colmap, const char *input, const char *output);
 /* FOLDER/INPUT to the dense workspace FOLDER/OUTPUT, photographs at their full size. */

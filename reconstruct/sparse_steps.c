@@ -213,7 +213,7 @@ static tsuya_status explain_mapper(const tsuya_reconstruction *r, tsuya_status s
 
 static tsuya_status mapping(tsuya_reconstruction *r)
 {
-    if (tsuya_step_begin(&r->steps, "mapping", "adjusted", tsuya_arena_printf(r->arena, "%s/points3D.bin", tsuya_scale_unscaled(r)))) {
+    if (tsuya_step_begin(&r->steps, "mapping", "adjusted, centred", tsuya_arena_printf(r->arena, "%s/points3D.bin", tsuya_scale_unscaled(r)))) {
         return TSUYA_OK;
     }
     tsuya_json *figures = tsuya_json_create_object();
