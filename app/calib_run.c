@@ -154,6 +154,8 @@ static tsuya_status write_file(run *r, const char *name, tsuya_status (*write)(r
 
 static tsuya_status write_corners(run *r, const char *path) { return tsuya_corner_set_save(&r->corners, path); }
 
+static tsuya_status write_grid(run *r, const char *path) { return tsuya_corner_set_save_grid(&r->corners, &r->board, path); }
+
 static tsuya_status write_page(run *r, const char *path)
 {
     return tsuya_calib_page(path, r->input->folder, &r->calibration, &r->corners, r->path, r->detected.report ? &r->detected : NULL);
@@ -164,6 +166,9 @@ static tsuya_status write_all(run *r, tsuya_json *figures, double start_s)
     TSUYA_TRY(tsuya_cameramodel_save(&r->calibration.solve.camera, tsuya_pose_identity(), r->input->model));
     correct_corners(r);
     TSUYA_TRY(write_file(r, "corners.vnl", write_corners));
+    if (tsuya_board_even_grid(&r->board)) {
+        TSUYA_TRY(write_file(r, "corners_mrcal.vnl", write_grid));
+    }
     TSUYA_TRY(write_file(r, "calib.html", write_page));
     tsuya_calibration_to_json(figures, &r->calibration, &r->corners);
     set_exports(figures, &r->calibration.solve.camera);

@@ -297,6 +297,12 @@ void tsuya_board_free(tsuya_board *board)
     *board = (tsuya_board){0};
 }
 
+bool tsuya_board_even_grid(const tsuya_board *board)
+{
+    const tsuya_board_plate *p = board->plate;
+    return board->plate_count == 1 && p->cols > 0 && p->rows > 0 && fabs(p->gap_m - p->tag_m) < 1e-9 * p->tag_m;
+}
+
 int tsuya_board_find(const tsuya_board *board, int id)
 {
     for (int p = 0; p < board->plate_count; p++) {

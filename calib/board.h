@@ -44,6 +44,8 @@ TSUYA_API void tsuya_board_free(tsuya_board *board);
 
 /* Index of a tag by its id, −1 where the board has none. */
 TSUYA_API int tsuya_board_find(const tsuya_board *board, int id);
+/* One plate whose corners make a grid of one spacing: gaps as wide as the tags. */
+TSUYA_API bool tsuya_board_even_grid(const tsuya_board *board);
 /* A regular grid, made in memory. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_board_grid(tsuya_board *board, const char *family, int border_bits, int cols, int rows,
                                                          double tag_m, double gap_m, int first_id);

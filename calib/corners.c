@@ -1,5 +1,6 @@
 #include "calib/corners.h"
 
+#include "calib/board.h"
 #include "core/file.h"
 #include "core/table.h"
 
@@ -188,5 +189,75 @@ tsuya_status tsuya_corner_set_save(const tsuya_corner_set *set, const char *path
         fprintf(writer.stream, "%s %d %d %.4f %.4f %.4f\n", set->photo[c->photo], c->tag_id, c->corner, c->x_px, c->y_px,
                 c->sigma_px < 1e-4 ? 1e-4 : c->sigma_px);
     }
+    return tsuya_file_commit(&writer);
+}
+
+static int compare_sigmas(const void *pa, const void *pb)
+{
+    const double *a = pa, *b = pb;
+    return (*a > *b) - (*a < *b);
+}
+
+static tsuya_status median_sigma(double *sigma, const tsuya_corner_set *set)
+{
+    double *all = tsuya_calloc((size_t)set->count, sizeof *all);
+    if (!all) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    for (int i = 0; i < set->count; i++) {
+        all[i] = set->corner[i].sigma_px;
+    }
+    qsort(all, (size_t)set->count, sizeof *all, compare_sigmas);
+    *sigma = set->count ? all[set->count / 2] : 1.0;
+    tsuya_free(all);
+    return TSUYA_OK;
+}
+
+/* One photograph's corners, each at its place of the grid; −1: not seen. */
+static void place_on_grid(int *at, const tsuya_corner_set *set, int begin, int end, const tsuya_board *board)
+{
+    const tsuya_board_plate *p = &board->plate[0];
+    for (int i = 0; i < 4 * p->cols * p->rows; i++) {
+        at[i] = -1;
+    }
+    for (int i = begin; i < end; i++) {
+        const tsuya_corner *c = &set->corner[i];
+        int tag = tsuya_board_find(board, c->tag_id);
+        if (tag >= 0) {
+            int x = 2 * (tag % p->cols) + (c->corner == 1 || c->corner == 2), y = 2 * (tag / p->cols) + (c->corner >= 2);
+            at[y * 2 * p->cols + x] = i;
+        }
+    }
+}
+
+tsuya_status tsuya_corner_set_save_grid(const tsuya_corner_set *set, const tsuya_board *board, const char *path)
+{
+    const tsuya_board_plate *p = &board->plate[0];
+    double typical;
+    tsuya_file_writer writer;
+    TSUYA_TRY(check_names(set));
+    TSUYA_TRY(median_sigma(&typical, set));
+    int cells = 4 * p->cols * p->rows, *at = tsuya_calloc((size_t)cells, sizeof *at);
+    tsuya_status status = at ? tsuya_file_begin(&writer, path) : TSUYA_ERROR_MEMORY;
+    if (status != TSUYA_OK) {
+        tsuya_free(at);
+        return status;
+    }
+    fprintf(writer.stream, "# filename x y level\n");
+    for (int begin = 0, end; begin < set->count; begin = end) {
+        const char *name = set->photo[set->corner[begin].photo];
+        for (end = begin; end < set->count && set->corner[end].photo == set->corner[begin].photo; end++) {
+        }
+        place_on_grid(at, set, begin, end, board);
+        for (int i = 0; i < cells; i++) {
+            if (at[i] < 0) {
+                fprintf(writer.stream, "%s - - -\n", name);
+            } else {
+                const tsuya_corner *c = &set->corner[at[i]];
+                fprintf(writer.stream, "%s %.4f %.4f %d\n", name, c->x_px, c->y_px, (int)fmax(rint(log2(c->sigma_px / typical)), 0.0));
+            }
+        }
+    }
+    tsuya_free(at);
     return tsuya_file_commit(&writer);
 }

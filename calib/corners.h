@@ -7,6 +7,8 @@
 
 #include "core/status.h"
 
+struct tsuya_board;
+
 typedef struct tsuya_corner {
     int photo;          /* index into the set's names */
     int tag_id, corner; /* 0 … 3 */
@@ -33,5 +35,10 @@ TSUYA_API void tsuya_corner_set_free(tsuya_corner_set *set);
  * `width_px` × `height_px` (0: any), and a corner that occurs twice. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_corner_set_load(tsuya_corner_set *set, const char *path, int width_px, int height_px);
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_corner_set_save(const tsuya_corner_set *set, const char *path);
+
+/* For mrcal's own tools, whose boards are grids of one spacing: `# filename x y level`, photograph by photograph, row by row from the
+ * origin, `-` where a corner was not seen.  level: by how many halvings a corner is worse than the median.  The board must be
+ * one plate whose tags are as far apart as they are large (tsuya_board_even_grid). */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_corner_set_save_grid(const tsuya_corner_set *set, const struct tsuya_board *board, const char *path);
 
 #endif
