@@ -51,7 +51,7 @@ tsuya_status tsuya_shader_from_material(tsuya_shader *shader, const tsuya_materi
                               info.channel_count, info.channel[0]);
         }
     }
-    *shader = (tsuya_shader){.user = material, .eval_pdf = material_eval_pdf, .sample = material_sample};
+    *shader = (tsuya_shader){.user = material, .eval_pdf = material_eval_pdf, .sample = material_sample, .material = material};
     return TSUYA_OK;
 }
 

@@ -16,6 +16,8 @@ typedef struct tsuya_shader {
     double (*eval_pdf)(const void *user, const double *dye, tsuya_vec3 wi, tsuya_vec3 wo, double value[3]);
     /* false when the draw ended under the surface */
     bool (*sample)(const void *user, const double *dye, tsuya_vec3 wo, const double u[3], tsuya_vec3 *wi);
+    /* Not NULL: the same as the two functions, which then look up once what depends on wo alone (tsuya_material_view). */
+    const tsuya_material *material;
     /* Share of the light that falls on one side and leaves the other, evenly spread (thin cloth, Lambert), both ways alike.  What
      * is reflected and this together must not exceed 1. */
     double transmittance[3];

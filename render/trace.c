@@ -46,6 +46,34 @@ static tsuya_vec3 to_world(const tsuya_surface *s, tsuya_vec3 w)
     return tsuya_vec3_mad(tsuya_vec3_mad(tsuya_vec3_scale(s->x, w.x), w.y, s->y), w.z, s->n);
 }
 
+/* A surface seen from one side, with what its reflectance says about that alone. */
+typedef struct look {
+    const tsuya_surface *s;
+    tsuya_vec3 wo; /* local */
+    tsuya_material_view view; /* where the shader is a material */
+} look;
+
+static void look_at(look *l, const tsuya_surface *s, tsuya_vec3 wo)
+{
+    l->s = s;
+    l->wo = wo;
+    if (s->shader->material) {
+        l->view = tsuya_material_view_of(s->shader->material, s->dye, wo);
+    }
+}
+
+static double eval_pdf(const look *l, tsuya_vec3 wi, double f[3])
+{
+    const tsuya_shader *shader = l->s->shader;
+    return shader->material ? tsuya_material_view_eval_pdf(&l->view, wi, f) : shader->eval_pdf(shader->user, l->s->dye, wi, l->wo, f);
+}
+
+static bool sample_direction(const look *l, const double u[3], tsuya_vec3 *wi)
+{
+    const tsuya_shader *shader = l->s->shader;
+    return shader->material ? tsuya_material_view_sample(&l->view, u, wi) : shader->sample(shader->user, l->s->dye, l->wo, u, wi);
+}
+
 static tsuya_ray make_ray(tsuya_vec3 origin, tsuya_vec3 direction, double far)
 {
     return (tsuya_ray){{(float)origin.x, (float)origin.y, (float)origin.z},
@@ -127,8 +155,9 @@ static bool shadow_ray(const tsuya_tracer *t, const tsuya_surface *s, const tsuy
 }
 
 /* Light from one lamp, chosen and sampled: w->lamp, if w->shadow is free. */
-static void prepare_lamp(const tsuya_tracer *t, walker *w, const tsuya_surface *s, tsuya_vec3 wo, uint32_t pair, double choice)
+static void prepare_lamp(const tsuya_tracer *t, walker *w, const look *l, uint32_t pair, double choice)
 {
+    const tsuya_surface *s = l->s;
     double probability, u[2] = {0.5, 0.5}, f[3];
     int k = choose_lamp(t->lights, s, choice, &probability, &w->last.lamp_weights);
     tsuya_light_sample sample;
@@ -146,7 +175,7 @@ static void prepare_lamp(const tsuya_tracer *t, walker *w, const tsuya_surface *
     if (!(wi.z > 0.0)) {
         return;
     }
-    double pdf_direction = s->shader->eval_pdf(s->shader->user, s->dye, wi, wo, f);
+    double pdf_direction = eval_pdf(l, wi, f);
     double pdf_lamp = sample.pdf * probability;
     double scale = wi.z / pdf_lamp * (sample.delta ? 1.0 : lamp_share(t, pdf_lamp, pdf_direction));
     for (int c = 0; c < 3; ++c) {
@@ -181,14 +210,15 @@ static void add_lamps_hit(const tsuya_tracer *t, walker *w, bool first)
 }
 
 /* Draws the next direction; false when the path ends. */
-static bool scatter(const tsuya_tracer *t, walker *w, const tsuya_surface *s, tsuya_vec3 wo, const double u[3])
+static bool scatter(const tsuya_tracer *t, walker *w, const look *l, const double u[3])
 {
+    const tsuya_surface *s = l->s;
     tsuya_vec3 wi;
     double f[3];
-    if (!s->shader->sample(s->shader->user, s->dye, wo, u, &wi)) {
+    if (!sample_direction(l, u, &wi)) {
         return false;
     }
-    double pdf = s->shader->eval_pdf(s->shader->user, s->dye, wi, wo, f);
+    double pdf = eval_pdf(l, wi, f);
     if (!(pdf > 0.0)) {
         return false;
     }
@@ -287,9 +317,10 @@ static void shade(const tsuya_tracer *t, walker *w, int depth)
     if (!s.has_weft) {
         turn_frame(&s, turn[0]);
     }
-    tsuya_vec3 wo = to_local(&s, back); /* under the surface for light that comes through, which does not ask for it */
+    look l;
+    look_at(&l, &s, to_local(&s, back)); /* under the surface for light that comes through, which does not ask for it */
     tsuya_sampler_pair(w->path->sampler, pair + PAIR_CHOICE, choice);
-    prepare_lamp(t, w, &s, wo, pair, choice[0]);
+    prepare_lamp(t, w, &l, pair, choice[0]);
     /* behind the last reflection only a lamp in the way can add something */
     if (depth + 1 == t->options->bounces && !t->lamps_in_the_way) {
         w->alive = false;
@@ -297,7 +328,7 @@ static void shade(const tsuya_tracer *t, walker *w, int depth)
     }
     tsuya_sampler_pair(w->path->sampler, pair + PAIR_DIRECTION, u);
     u[2] = choice[1];
-    w->alive = scatter(t, w, &s, wo, u);
+    w->alive = scatter(t, w, &l, u);
 }
 
 /* Every walker's ray: met, hit. */
