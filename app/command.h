@@ -71,6 +71,7 @@ int tsuya_command_weave_mesh(int argc, char **argv);
 int tsuya_command_brdf_eval(int argc, char **argv);
 int tsuya_command_brdf_fit(int argc, char **argv);
 int tsuya_command_brdf_compare(int argc, char **argv);
+int tsuya_command_brdf_gather(int argc, char **argv);
 int tsuya_command_brdf_export(int argc, char **argv);
 int tsuya_command_brdf_plan(int argc, char **argv);
 int tsuya_command_brdf_plot(int argc, char **argv);

@@ -36,6 +36,7 @@ static void fill(tsuya_json *figures, const tsuya_simulate_info *info, double se
 {
     tsuya_json_set_number(figures, "photos", info->photos);
     tsuya_json_set_number(figures, "board_photos", info->board_photos);
+    tsuya_json_set_number(figures, "swatch_photos", info->swatch_photos);
     tsuya_json_set_number(figures, "vertices", (double)info->vertices);
     tsuya_json_set_number(figures, "drape_steps", info->drape_steps);
     tsuya_json_set_bool(figures, "at_rest", info->at_rest);
@@ -43,6 +44,7 @@ static void fill(tsuya_json *figures, const tsuya_simulate_info *info, double se
     tsuya_json_set_number(stages, "drape", info->drape_s);
     tsuya_json_set_number(stages, "photographs", info->photos_s);
     tsuya_json_set_number(stages, "board", info->board_s);
+    tsuya_json_set_number(stages, "swatch", info->swatch_s);
     tsuya_json_set_number(figures, "seconds", seconds);
     tsuya_json_set_number(figures, "peak_mb", tsuya_peak_memory_mb());
 }

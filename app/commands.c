@@ -16,6 +16,7 @@ const tsuya_command tsuya_commands[] = {
     {"brdf eval", "reads directions on stdin, writes a material's reflectance", tsuya_command_brdf_eval},
     {"brdf fit", "fits a material to measured reflectance", tsuya_command_brdf_fit},
     {"brdf compare", "fits every model to the same samples: error beside time and size", tsuya_command_brdf_compare},
+    {"brdf gather", "photographs with known cameras, lamps and surface to a table of reflectance", tsuya_command_brdf_gather},
     {"brdf plan", "the stage angles whose readings tell most, from names, a material or the readings so far", tsuya_command_brdf_plan},
     {"brdf export", "a material as other renderers read it: RGL tensors or MERL, with its loss", tsuya_command_brdf_export},
     {"brdf plot", "a material and its samples as curves, as a surface and as polar diagrams", tsuya_command_brdf_plot},

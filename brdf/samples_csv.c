@@ -14,7 +14,7 @@ static const char *const quantity_name[] = {"brdf", "brdf_cos", "radiance", "rad
 static const char *const direction_columns[] = {"theta_i_deg", "phi_i_deg", "theta_o_deg", "phi_o_deg", NULL};
 static const char *const stage_columns[] = {"azimuth_deg", "tilt_deg", NULL};
 static const char *const key_names[] = {"quantity", "irradiance", "illuminant", "scale_uncertainty", "clip", "light_theta_deg", "light_phi_deg", "view_theta_deg", "view_phi_deg", NULL};
-static const char *const all_columns[] = {"theta_i_deg", "phi_i_deg", "theta_o_deg", "phi_o_deg", "azimuth_deg", "tilt_deg", "r", "g", "b", NULL};
+static const char *const all_columns[] = {"theta_i_deg", "phi_i_deg", "theta_o_deg", "phi_o_deg", "azimuth_deg", "tilt_deg", "r", "g", "b", "sigma", NULL}; /* sigma: for the reader of the table */
 
 typedef struct reading {
     const tsuya_table *table;

@@ -1,8 +1,7 @@
 /* The simulated job put together and written. */
-#include "capture/simulate_parts.h"
+#include "capture/simulate_shots.h"
 
 #include "capture/studio_goniometer.h"
-#include "capture/studio_sensor.h"
 #include "core/file.h"
 #include "core/json.h"
 #include "core/memory.h"
@@ -11,26 +10,17 @@
 #include <string.h>
 
 static const double WHITE = 1.15; /* albedo that fills the well at 0 EV */
-static const float GONIOMETER_DYE[3] = {0.36f, 0.30f, 0.25f};
+const float tsuya_simulate_swatch_dye[3] = {0.36f, 0.30f, 0.25f};
 
-typedef struct simulation {
-    const tsuya_simulate_scene *scene;
-    const tsuya_context *context;
-    const char *folder;
-    tsuya_camera camera;
-    tsuya_studio_sensor sensor;
-    tsuya_studio_exif exif;
-} simulation;
+const char *tsuya_simulate_path(const simulation *s, const char *name) { return tsuya_arena_printf(s->scene->arena, "%s/%s", s->folder, name); }
 
-static const char *path_in(const simulation *s, const char *name) { return tsuya_arena_printf(s->scene->arena, "%s/%s", s->folder, name); }
-
-static tsuya_status write_text(const simulation *s, const char *name, const char *text)
+tsuya_status tsuya_simulate_write(const simulation *s, const char *name, const char *text)
 {
-    const char *path = path_in(s, name);
+    const char *path = tsuya_simulate_path(s, name);
     return path && text ? tsuya_file_write(path, text, strlen(text)) : TSUYA_ERROR_MEMORY;
 }
 
-static const char *photo_name(const simulation *s, const char *kind, int number)
+const char *tsuya_simulate_photo_name(const simulation *s, const char *kind, int number)
 {
     return tsuya_arena_printf(s->scene->arena, "%s-%03d.%s", kind, number + 1, s->scene->camera.format);
 }
@@ -46,7 +36,7 @@ static void set_camera(simulation *s)
                                   .f_number = c->f_number > 0.0 ? c->f_number : 22.0, .iso = 200};
 }
 
-static tsuya_studio_shot shot_of(const simulation *s, tsuya_pose pose, double focus_m, uint64_t stream)
+tsuya_studio_shot tsuya_simulate_shot(const simulation *s, tsuya_pose pose, double focus_m, uint64_t stream)
 {
     const tsuya_scene_camera *c = &s->scene->camera;
     double focal_m = 1e-3 * s->camera.fx_px * c->sensor_mm / s->camera.width_px;
@@ -69,10 +59,10 @@ static tsuya_status save_mask(const tsuya_image *coverage, const char *path)
 }
 
 /* One photograph; mask: NULL for none. */
-static tsuya_status take(const simulation *s, const tsuya_studio *studio, const tsuya_studio_shot *shot, const char *photo, const char *mask, uint64_t stream)
+tsuya_status tsuya_simulate_take(const simulation *s, const tsuya_studio *studio, const tsuya_studio_shot *shot, const char *photo, const char *mask, uint64_t stream)
 {
     tsuya_image radiance = {0}, coverage = {0}, photograph = {0};
-    const char *photo_path = photo ? path_in(s, photo) : NULL, *mask_path = mask ? path_in(s, mask) : NULL;
+    const char *photo_path = photo ? tsuya_simulate_path(s, photo) : NULL, *mask_path = mask ? tsuya_simulate_path(s, mask) : NULL;
     tsuya_status status = photo_path ? TSUYA_OK : TSUYA_ERROR_MEMORY;
     TSUYA_GOTO_DONE(status, status);
     TSUYA_GOTO_DONE(status, tsuya_studio_shoot(&radiance, &coverage, studio, shot, s->context));
@@ -94,15 +84,15 @@ static tsuya_status photograph_cloth(simulation *s, const tsuya_studio *studio, 
 {
     s->sensor.full_radiance = tsuya_studio_white(studio, WHITE) / exp2(s->scene->camera.exposure_ev);
     for (int i = 0; i < count; i++) {
-        const char *name = photo_name(s, view[i].close_up ? "close" : "shot", i);
-        tsuya_studio_shot shot = shot_of(s, view[i].camera_from_world, view[i].focus_m, (uint64_t)i);
+        const char *name = tsuya_simulate_photo_name(s, view[i].close_up ? "close" : "shot", i);
+        tsuya_studio_shot shot = tsuya_simulate_shot(s, view[i].camera_from_world, view[i].focus_m, (uint64_t)i);
         tsuya_progress_update(s->context, "photographs", i, count, NULL);
         if (!name) {
             return TSUYA_ERROR_MEMORY;
         }
         const char *photo = tsuya_arena_printf(s->scene->arena, "photos/%s", name);
         const char *mask = tsuya_arena_printf(s->scene->arena, "masks/%.*s.png", (int)(strlen(name) - 4), name);
-        TSUYA_TRY(take(s, studio, &shot, photo, mask, (uint64_t)i));
+        TSUYA_TRY(tsuya_simulate_take(s, studio, &shot, photo, mask, (uint64_t)i));
     }
     return TSUYA_OK;
 }
@@ -121,7 +111,7 @@ static tsuya_status photograph_board(simulation *s, int i)
     tsuya_light lamp = {.kind = TSUYA_LIGHT_RECT, .position_m = {-distance, -distance, -0.5 * distance}, .direction = {1, 1, 1.5}, .up = {0, -1, 0},
                         .size_m = {distance, distance}, .rgb = {6, 6, 6}};
     tsuya_light room = {.kind = TSUYA_LIGHT_ENVIRONMENT, .rgb = {0.4, 0.4, 0.4}};
-    const char *name = photo_name(s, "board", i);
+    const char *name = tsuya_simulate_photo_name(s, "board", i);
     uint64_t stream = 2000 + (uint64_t)i;
     tsuya_status status = name ? TSUYA_OK : TSUYA_ERROR_MEMORY;
     TSUYA_GOTO_DONE(status, status);
@@ -130,8 +120,8 @@ static tsuya_status photograph_board(simulation *s, int i)
     TSUYA_GOTO_DONE(status, tsuya_light_set_add(&lights, &room, "board"));
     TSUYA_GOTO_DONE(status, tsuya_studio_create(&studio, NULL, NULL, &lights, &options, s->context));
     s->sensor.full_radiance = tsuya_studio_white(studio, 0.95);
-    tsuya_studio_shot shot = shot_of(s, tsuya_pose_identity(), distance, stream);
-    status = take(s, studio, &shot, tsuya_arena_printf(s->scene->arena, "board/%s", name), NULL, stream);
+    tsuya_studio_shot shot = tsuya_simulate_shot(s, tsuya_pose_identity(), distance, stream);
+    status = tsuya_simulate_take(s, studio, &shot, tsuya_arena_printf(s->scene->arena, "board/%s", name), NULL, stream);
 done:
     tsuya_studio_free(studio);
     tsuya_light_set_free(&lights);
@@ -139,32 +129,32 @@ done:
     return status;
 }
 
-static tsuya_status write_grid(const simulation *s, const char *name, const tsuya_scene_tags *t)
+tsuya_status tsuya_simulate_write_grid(const simulation *s, const char *name, const tsuya_scene_tags *t)
 {
-    return write_text(s, name, tsuya_arena_printf(s->scene->arena, "{family: %s, border_bits: %d, cols: %d, rows: %d, tag_mm: %.10g, gap_mm: %.10g, "
+    return tsuya_simulate_write(s, name, tsuya_arena_printf(s->scene->arena, "{family: %s, border_bits: %d, cols: %d, rows: %d, tag_mm: %.10g, gap_mm: %.10g, "
                                                   "first_id: %d}\n", t->family, t->border_bits, t->cols, t->rows, t->tag_mm, t->gap_mm, t->first_id));
 }
 
-static void reflect(const void *user, tsuya_vec3 wi, tsuya_vec3 wo, double rgb[3])
+void tsuya_simulate_reflect(const void *user, tsuya_vec3 wi, tsuya_vec3 wo, double rgb[3])
 {
     const tsuya_microcylinder *cloth = user;
     if (cloth) {
-        tsuya_studio_reflectance(cloth, GONIOMETER_DYE, wi, wo, rgb);
+        tsuya_studio_reflectance(cloth, tsuya_simulate_swatch_dye, wi, wo, rgb);
         return;
     }
     for (int c = 0; c < 3; c++) {
-        rgb[c] = (double)GONIOMETER_DYE[c] / M_PI;
+        rgb[c] = (double)tsuya_simulate_swatch_dye[c] / M_PI;
     }
 }
 
 static tsuya_status write_goniometer(const simulation *s, const tsuya_microcylinder *cloth)
 {
     tsuya_goniometer bench = tsuya_goniometer_default();
-    const char *path = path_in(s, "goniometer.csv");
+    const char *path = tsuya_simulate_path(s, "goniometer.csv");
     bench.azimuth_step_deg = s->scene->goniometer.azimuth_step_deg;
     bench.tilt_step_deg = s->scene->goniometer.tilt_step_deg;
     bench.gain_noise = s->scene->goniometer.noise;
-    return path ? tsuya_goniometer_write(path, &bench, reflect, cloth, s->context) : TSUYA_ERROR_MEMORY;
+    return path ? tsuya_goniometer_write(path, &bench, tsuya_simulate_reflect, cloth, s->context) : TSUYA_ERROR_MEMORY;
 }
 
 /* Directions over both hemispheres, without noise. */
@@ -172,7 +162,7 @@ static tsuya_status write_reflectance(const simulation *s, const tsuya_microcyli
 {
     enum { DIRECTIONS = 2000 };
     tsuya_file_writer w;
-    const char *path = path_in(s, "truth/reflectance.csv");
+    const char *path = tsuya_simulate_path(s, "truth/reflectance.csv");
     if (!path) {
         return TSUYA_ERROR_MEMORY;
     }
@@ -187,7 +177,7 @@ static tsuya_status write_reflectance(const simulation *s, const tsuya_microcyli
         double pi = round(36000.0 * u[2]) / 100.0, po = round(36000.0 * u[3]) / 100.0, a = tsuya_rad_from_deg(ti), b = tsuya_rad_from_deg(to);
         tsuya_vec3 wi = {sin(a) * cos(tsuya_rad_from_deg(pi)), sin(a) * sin(tsuya_rad_from_deg(pi)), cos(a)};
         tsuya_vec3 wo = {sin(b) * cos(tsuya_rad_from_deg(po)), sin(b) * sin(tsuya_rad_from_deg(po)), cos(b)};
-        reflect(cloth, wi, wo, rgb);
+        tsuya_simulate_reflect(cloth, wi, wo, rgb);
         fprintf(w.stream, "%.2f,%.2f,%.2f,%.2f,%.7g,%.7g,%.7g\n", ti, pi, to, po, rgb[0], rgb[1], rgb[2]);
     }
     return tsuya_file_commit(&w);
@@ -205,31 +195,40 @@ static tsuya_status write_chart(const simulation *s, const tsuya_studio_prop *pr
                                       (double)p->patch[i][0], (double)p->patch[i][1], (double)p->patch[i][2]);
         }
     }
-    return s->scene->chart ? write_text(s, "truth/chart.csv", text) : TSUYA_OK;
+    return s->scene->chart ? tsuya_simulate_write(s, "truth/chart.csv", text) : TSUYA_OK;
 }
 
-static tsuya_status write_sparse(const simulation *s, const simulate_view *taken, int count)
+tsuya_status tsuya_simulate_write_model(const simulation *s, const char *folder_name, tsuya_view *view, int count)
 {
     tsuya_camera camera = s->camera;
     uint32_t camera_id = 1;
-    const char *folder = path_in(s, "truth/sparse");
-    tsuya_view *view = tsuya_arena_alloc(s->scene->arena, (size_t)count, sizeof *view);
-    if (!folder || !view) {
+    const char *folder = tsuya_simulate_path(s, folder_name);
+    if (!folder) {
         return TSUYA_ERROR_MEMORY;
     }
     if (camera.lens == TSUYA_LENS_OPENCV5 || camera.lens == TSUYA_LENS_OPENCV8) {
         camera.lens = TSUYA_LENS_OPENCV8; /* COLMAP's FULL_OPENCV */
     }
     for (int i = 0; i < count; i++) {
-        char *name = tsuya_arena_printf(s->scene->arena, "%s-%03d.%s", taken[i].close_up ? "close" : "shot", i + 1, s->scene->camera.format);
-        if (!name) {
-            return TSUYA_ERROR_MEMORY;
-        }
-        view[i] = (tsuya_view){.image_id = (uint32_t)i + 1, .camera_id = camera_id, .name = name, .camera_from_world = taken[i].camera_from_world};
+        view[i].image_id = (uint32_t)i + 1;
+        view[i].camera_id = camera_id;
     }
     tsuya_sparse_model model = {.camera = &camera, .camera_id = &camera_id, .camera_count = 1, .view = view, .view_count = count};
     TSUYA_TRY(tsuya_folder_make(folder));
     return tsuya_sparse_model_save_text(&model, folder);
+}
+
+static tsuya_status write_sparse(const simulation *s, const simulate_view *taken, int count)
+{
+    tsuya_view *view = tsuya_arena_alloc(s->scene->arena, (size_t)count, sizeof *view);
+    for (int i = 0; view && i < count; i++) {
+        view[i] = (tsuya_view){.camera_from_world = taken[i].camera_from_world};
+        view[i].name = tsuya_arena_printf(s->scene->arena, "%s-%03d.%s", taken[i].close_up ? "close" : "shot", i + 1, s->scene->camera.format);
+        if (!view[i].name) {
+            return TSUYA_ERROR_MEMORY;
+        }
+    }
+    return view ? tsuya_simulate_write_model(s, "truth/sparse", view, count) : TSUYA_ERROR_MEMORY;
 }
 
 /* Photographs of the rings, evenly spread. */
@@ -252,7 +251,7 @@ static tsuya_status write_job(const simulation *s, const simulate_view *view, in
     const tsuya_simulate_scene *scene = s->scene;
     const char *hold_out = held_out(s, view, count);
     bool calibrated = scene->has_board && scene->board.photos > 0;
-    return write_text(s, "JOB.yaml", tsuya_arena_printf(scene->arena,
+    return tsuya_simulate_write(s, "JOB.yaml", tsuya_arena_printf(scene->arena,
         "# Photographs that `tsuya capture simulate` made; truth/ holds what they were made of, and no stage reads it.\n"
         "name: %s\nphotos: photos/\nmasks: masks/\n%s%s%shold_out: [%s]\nrender:\n"
         "  - {name: turntable, views: 8, size: [640, 480]}\n%s", scene->name,
@@ -265,18 +264,18 @@ static tsuya_status write_truth(const simulation *s, const tsuya_studio_cloth *c
                                 const tsuya_studio_prop *prop, int props)
 {
     const tsuya_microcylinder *reflectance = tsuya_simulate_reflectance(s->scene);
-    const char *mesh = path_in(s, "truth/mesh.ply"), *camera = path_in(s, "truth/camera.cameramodel");
+    const char *mesh = tsuya_simulate_path(s, "truth/mesh.ply"), *camera = tsuya_simulate_path(s, "truth/camera.cameramodel");
     if (!mesh || !camera) {
         return TSUYA_ERROR_MEMORY;
     }
     TSUYA_TRY(write_sparse(s, view, count));
     TSUYA_TRY(tsuya_ply_save(&cloth->mesh, mesh, NULL));
     TSUYA_TRY(tsuya_cameramodel_save(&s->camera, tsuya_pose_identity(), camera));
-    TSUYA_TRY(write_text(s, "truth/lights.json", lights));
+    TSUYA_TRY(tsuya_simulate_write(s, "truth/lights.json", lights));
     TSUYA_TRY(write_reflectance(s, reflectance));
     TSUYA_TRY(write_chart(s, prop, props));
-    TSUYA_TRY(s->scene->has_mat ? write_grid(s, "mat.yaml", &s->scene->mat) : TSUYA_OK);
-    TSUYA_TRY(s->scene->has_board ? write_grid(s, "board.yaml", &s->scene->board) : TSUYA_OK);
+    TSUYA_TRY(s->scene->has_mat ? tsuya_simulate_write_grid(s, "mat.yaml", &s->scene->mat) : TSUYA_OK);
+    TSUYA_TRY(s->scene->has_board ? tsuya_simulate_write_grid(s, "board.yaml", &s->scene->board) : TSUYA_OK);
     TSUYA_TRY(s->scene->has_goniometer ? write_goniometer(s, reflectance) : TSUYA_OK);
     return write_job(s, view, count);
 }
@@ -284,22 +283,24 @@ static tsuya_status write_truth(const simulation *s, const tsuya_studio_cloth *c
 /* Empties the folders that it fills, but only where an earlier session stood: truth/.studio says so from the first moment. */
 static tsuya_status make_folders(const simulation *s)
 {
-    static const char *const names[] = {"truth", "photos", "masks", "board"};
-    const char *mark = path_in(s, "truth/.studio");
+    static const char *const names[] = {"truth", "photos", "masks", "board", "swatch"};
+    enum { FOLDERS = sizeof names / sizeof names[0] };
+    const char *mark = tsuya_simulate_path(s, "truth/.studio");
     bool own = mark && tsuya_path_exists(mark);
-    for (int i = 0; i < 8; i++) {
-        const char *path = path_in(s, names[i % 4]);
+    for (int i = 0; i < 2 * FOLDERS; i++) {
+        const char *path = tsuya_simulate_path(s, names[i % FOLDERS]);
         if (!path || !mark) {
             return TSUYA_ERROR_MEMORY;
         }
-        if (i < 4 && !own && tsuya_path_exists(path)) {
+        if (i < FOLDERS && !own && tsuya_path_exists(path)) {
             return tsuya_fail(TSUYA_ERROR_INPUT, "%s: is there, and no simulation made it; choose a folder that is new or of an earlier simulation", path);
         }
-        if (i >= 4) {
+        if (i >= FOLDERS) {
             TSUYA_TRY(tsuya_folder_remove(path));
-            TSUYA_TRY(i % 4 < 3 || s->scene->has_board ? tsuya_folder_make(path) : TSUYA_OK);
+            bool wanted = i % FOLDERS < 3 || (i % FOLDERS == 3 ? s->scene->has_board : s->scene->has_goniometer && s->scene->goniometer.photos);
+            TSUYA_TRY(wanted ? tsuya_folder_make(path) : TSUYA_OK);
         }
-        TSUYA_TRY(i == 4 ? tsuya_file_write(mark, "", 0) : TSUYA_OK);
+        TSUYA_TRY(i == FOLDERS ? tsuya_file_write(mark, "", 0) : TSUYA_OK);
     }
     return TSUYA_OK;
 }
@@ -355,5 +356,8 @@ tsuya_status tsuya_simulate(tsuya_simulate_info *info, const tsuya_simulate_scen
         TSUYA_TRY(photograph_board(&s, i));
     }
     info->board_s = tsuya_clock_s() - start_s;
+    start_s = tsuya_clock_s();
+    TSUYA_TRY(scene->has_goniometer ? tsuya_simulate_swatch(&s, &info->swatch_photos) : TSUYA_OK);
+    info->swatch_s = tsuya_clock_s() - start_s;
     return TSUYA_OK;
 }

@@ -1,6 +1,8 @@
 /* A job that the virtual studio makes from a scene: what `tsuya capture simulate SCENE.yaml` writes.
  *
  * FOLDER/{photos, masks, board, board.yaml, mat.yaml, goniometer.csv, JOB.yaml}  what a job sees
+ * FOLDER/{swatch, spectra.csv}  photographs of the stage's swatch and what a spectroradiometer reads of it, where the scene asks for them
+ * FOLDER/truth/{swatch.ply, swatch}  the swatch and the cameras before it, in the swatch's frame
  * FOLDER/truth/{mesh.ply, sparse/, camera.cameramodel, lights.json, reflectance.csv, chart.csv}  what it is held against
  *
  * Frame: the mat's (z up, origin at the lower left corner of its first tag, the stand in its middle); without a mat the
@@ -48,7 +50,10 @@ typedef struct tsuya_scene_tags {
     double tag_mm, gap_mm;
 } tsuya_scene_tags;
 
-typedef struct tsuya_scene_goniometer { double azimuth_step_deg, tilt_step_deg, noise; } tsuya_scene_goniometer;
+typedef struct tsuya_scene_goniometer {
+    double azimuth_step_deg, tilt_step_deg, noise;
+    bool photos, spectra;                          /* of the swatch with tags on the stage; of a spectroradiometer */
+} tsuya_scene_goniometer;
 
 typedef struct tsuya_simulate_scene {
     const char *path, *name;
@@ -68,10 +73,10 @@ TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_simulate_scene_load(tsuya_simulate
 TSUYA_API void tsuya_simulate_scene_free(tsuya_simulate_scene *scene);
 
 typedef struct tsuya_simulate_info {
-    int photos, board_photos, drape_steps;
+    int photos, board_photos, swatch_photos, drape_steps;
     bool at_rest;
     size_t vertices;                               /* of the truth's mesh */
-    double energy_j, drape_s, photos_s, board_s;
+    double energy_j, drape_s, photos_s, board_s, swatch_s;
 } tsuya_simulate_info;
 /* Draws and writes.  The folder is new or of an earlier simulation, which is replaced. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_simulate(tsuya_simulate_info *info, const tsuya_simulate_scene *scene, const char *folder,

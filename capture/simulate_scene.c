@@ -59,7 +59,8 @@ static const tsuya_yaml_field tags_fields[] = {
 };
 static const tsuya_yaml_field goniometer_fields[] = {
     FIELD(tsuya_scene_goniometer, azimuth_step_deg, TSUYA_YAML_NUMBER), FIELD(tsuya_scene_goniometer, tilt_step_deg, TSUYA_YAML_NUMBER),
-    FIELD(tsuya_scene_goniometer, noise, TSUYA_YAML_NUMBER), {0},
+    FIELD(tsuya_scene_goniometer, noise, TSUYA_YAML_NUMBER), FIELD(tsuya_scene_goniometer, photos, TSUYA_YAML_BOOL),
+    FIELD(tsuya_scene_goniometer, spectra, TSUYA_YAML_BOOL), {0},
 };
 static const tsuya_yaml_field scene_fields[] = {
     FIELD(tsuya_simulate_scene, name, TSUYA_YAML_TEXT),

@@ -41,6 +41,7 @@ typedef struct tsuya_studio_weave {
     double unevenness;                 /* of the yarns' brightness, standard deviation */
     uint64_t seed;
     double half_side_m;                /* where the border of the pattern runs */
+    const float *plain;                /* one dye (linear Rec.709) instead of the pattern; borrowed, NULL: the pattern */
 } tsuya_studio_weave;
 TSUYA_API tsuya_studio_weave tsuya_studio_weave_default(void);
 

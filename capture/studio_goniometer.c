@@ -13,14 +13,18 @@ tsuya_goniometer tsuya_goniometer_default(void)
                               .gain_noise = 0.01, .floor_noise = 1e-4};
 }
 
-/* Rz(a) · Ry(−τ) · w(θ, φ) */
+/* Rz(a) · Ry(−τ) · w */
+tsuya_vec3 tsuya_goniometer_on_stage(tsuya_vec3 w, double azimuth_deg, double tilt_deg)
+{
+    double a = tsuya_rad_from_deg(azimuth_deg), tau = tsuya_rad_from_deg(tilt_deg);
+    tsuya_vec3 tilted = {cos(tau) * w.x - sin(tau) * w.z, w.y, sin(tau) * w.x + cos(tau) * w.z};
+    return (tsuya_vec3){cos(a) * tilted.x - sin(a) * tilted.y, sin(a) * tilted.x + cos(a) * tilted.y, tilted.z};
+}
+
 static tsuya_vec3 on_stage(double theta_deg, double phi_deg, double azimuth_deg, double tilt_deg)
 {
     double theta = tsuya_rad_from_deg(theta_deg), phi = tsuya_rad_from_deg(phi_deg);
-    double a = tsuya_rad_from_deg(azimuth_deg), tau = tsuya_rad_from_deg(tilt_deg);
-    tsuya_vec3 w = {sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta)};
-    tsuya_vec3 tilted = {cos(tau) * w.x - sin(tau) * w.z, w.y, sin(tau) * w.x + cos(tau) * w.z};
-    return (tsuya_vec3){cos(a) * tilted.x - sin(a) * tilted.y, sin(a) * tilted.x + cos(a) * tilted.y, tilted.z};
+    return tsuya_goniometer_on_stage((tsuya_vec3){sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta)}, azimuth_deg, tilt_deg);
 }
 
 typedef struct sweep {

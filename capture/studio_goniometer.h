@@ -21,6 +21,8 @@ typedef struct tsuya_goniometer {
     double floor_noise;      /* standard deviation, relative to the full range */
 } tsuya_goniometer;
 
+/* A lab direction in the frame of the tilted and turned sample. */
+TSUYA_API tsuya_vec3 tsuya_goniometer_on_stage(tsuya_vec3 w_lab, double azimuth_deg, double tilt_deg);
 /* ±30°, azimuths 0 45 90 135, tilts −57 … 57 by 3°, 1 % noise. */
 TSUYA_API tsuya_goniometer tsuya_goniometer_default(void);
 /* Writes the table (quantity=radiance), rows by azimuth and tilt; positions that turn lamp or camera below the sample are left

@@ -6,6 +6,7 @@
 #include "render/embree_adapter.h"
 
 enum { STUDIO_SIDES = 2 }; /* 0: the side of the normal */
+enum { STUDIO_RELIEF_Z = 16, STUDIO_RELIEF_PHI = 16 }; /* cosines (i + ½) / 16, azimuths 22.5° k from the weft */
 
 struct tsuya_studio {
     const tsuya_studio_cloth *cloth; /* borrowed, as are weave and lights */
@@ -15,6 +16,7 @@ struct tsuya_studio {
     int prop_count;
     const tsuya_microcylinder *gloss; /* NULL: matt yarns */
     double weave_shade;      /* of the yarns' mean: shade times cosine to the cloth's normal */
+    float relief[STUDIO_RELIEF_Z][STUDIO_RELIEF_PHI]; /* mean over the weave of shade times cosine to a lamp, over the cloth's own cosine */
     double reflected[2];     /* of microcylinders: what surface and volume (of white dye) send back of even light */
     tsuya_mesh mesh;         /* the cloth's vertices first, then the props' */
     size_t cloth_vertices, cloth_triangles;

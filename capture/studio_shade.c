@@ -56,17 +56,60 @@ void tsuya_studio_reflectance(const tsuya_microcylinder *cloth, const float dye[
     }
 }
 
+static const double FACING_LEAST = 0.05;
+
+/* Even yarns of one weave, as the relief of the cloth sees them: their normals (x weft, y warp) and shades. */
+enum { RELIEF_SIDE = 60 };
+typedef struct relief_yarn { tsuya_vec3 n; double shade; } relief_yarn;
+
+static void even_yarns(relief_yarn yarn[RELIEF_SIDE * RELIEF_SIDE], const tsuya_studio_weave *weave)
+{
+    tsuya_studio_weave even = *weave;
+    even.unevenness = 0.0; /* its mean is 1, but not over a few yarns */
+    for (int k = 0; k < RELIEF_SIDE * RELIEF_SIDE; k++) {
+        double u = (k % RELIEF_SIDE + 0.5) / RELIEF_SIDE * 5.0 * even.warp_pitch_m, v = (k / RELIEF_SIDE + 0.5) / RELIEF_SIDE * 5.0 * even.weft_pitch_m;
+        tsuya_studio_yarn y = tsuya_studio_weave_at(&even, u, v);
+        double along = y.along, across = y.across;
+        yarn[k] = (relief_yarn){tsuya_vec3_unit((tsuya_vec3){y.is_weft ? along : across, y.is_weft ? across : along, 1.0}), (double)y.shade};
+    }
+}
+
+static void fill_relief(tsuya_studio *s, const relief_yarn *yarn)
+{
+    for (int k = 0; k < STUDIO_RELIEF_Z * STUDIO_RELIEF_PHI; k++) {
+        double z = (k / STUDIO_RELIEF_PHI + 0.5) / STUDIO_RELIEF_Z, r = sqrt(1.0 - z * z), phi = 2.0 * M_PI * (k % STUDIO_RELIEF_PHI) / STUDIO_RELIEF_PHI, sum = 0.0;
+        tsuya_vec3 wi = {r * cos(phi), r * sin(phi), z};
+        for (int j = 0; j < RELIEF_SIDE * RELIEF_SIDE; j++) {
+            sum += yarn[j].shade * fmax(0.0, tsuya_vec3_dot(yarn[j].n, wi));
+        }
+        s->relief[k / STUDIO_RELIEF_PHI][k % STUDIO_RELIEF_PHI] = (float)(sum / (RELIEF_SIDE * RELIEF_SIDE) / fmax(z, FACING_LEAST));
+    }
+}
+
+/* Bilinear; wi in the cloth's frame. */
+static double relief_at(const tsuya_studio *s, tsuya_vec3 wi)
+{
+    double a = fmin(fmax(wi.z * STUDIO_RELIEF_Z - 0.5, 0.0), STUDIO_RELIEF_Z - 1.001), b = atan2(wi.y, wi.x) / (2.0 * M_PI) * STUDIO_RELIEF_PHI;
+    b += b < 0.0 ? STUDIO_RELIEF_PHI : 0.0;
+    int i = (int)a, j = (int)b, next = (j + 1) % STUDIO_RELIEF_PHI;
+    double u = a - i, v = b - j;
+    j %= STUDIO_RELIEF_PHI;
+    const float *low = s->relief[i], *high = s->relief[i + 1];
+    return (1.0 - u) * ((1.0 - v) * (double)low[j] + v * (double)low[next]) + u * ((1.0 - v) * (double)high[j] + v * (double)high[next]);
+}
+
 void tsuya_studio_measure_gloss(tsuya_studio *s)
 {
-    enum { GRID = 60, THETA = 8, PHI = 12 };
+    enum { THETA = 8, PHI = 12 };
     tsuya_microcylinder both = split(s->gloss);
+    relief_yarn yarn[RELIEF_SIDE * RELIEF_SIDE];
     double sum = 0.0, a, b;
-    for (int k = 0; k < GRID * GRID; k++) {
-        double u = (k % GRID + 0.5) / GRID * 5.0 * s->weave->warp_pitch_m, v = (k / GRID + 0.5) / GRID * 5.0 * s->weave->weft_pitch_m;
-        tsuya_studio_yarn yarn = tsuya_studio_weave_at(s->weave, u, v);
-        sum += (double)yarn.shade / sqrt(1.0 + yarn.across * yarn.across + yarn.along * yarn.along) / (GRID * GRID);
+    even_yarns(yarn, s->weave);
+    for (int k = 0; k < RELIEF_SIDE * RELIEF_SIDE; k++) {
+        sum += yarn[k].shade * yarn[k].n.z / (RELIEF_SIDE * RELIEF_SIDE);
     }
     s->weave_shade = sum;
+    fill_relief(s, yarn);
     tsuya_vec3 wo = {0.0, 0.0, 1.0};
     for (int k = 0; k < THETA * PHI; k++) { /* density cosθ/π */
         double r = sqrt((k / PHI + 0.5) / THETA), phi = 2.0 * M_PI * (k % PHI + 0.5) / PHI;
@@ -155,6 +198,7 @@ static void shade_gloss(const tsuya_studio *s, const place *at, const tsuya_stud
 {
     tsuya_vec3 n = yarn_normal(at, yarn);
     double irradiance[3], shade = (double)yarn->shade / s->weave_shade;
+    tsuya_vec3 warp = tsuya_vec3_cross(at->n, at->weft);
     around(s, at, irradiance);
     for (int c = 0; c < 3; c++) {
         rgb[c] += shade * tsuya_vec3_dot(n, at->n) * irradiance[c] / M_PI * (s->reflected[0] + s->reflected[1] * (double)yarn->dye[c]);
@@ -164,7 +208,8 @@ static void shade_gloss(const tsuya_studio *s, const place *at, const tsuya_stud
         for (int k = 0; k < 3; k++) {
             visible += at->w[k] * (double)s->visible[slot_of(s, at, k) * (size_t)s->lamp_count + (size_t)lamp];
         }
-        double relief = visible * shade * fmax(0.0, tsuya_vec3_dot(n, cache->wi[lamp])) / fmax(facing, 0.05);
+        tsuya_vec3 wi = {tsuya_vec3_dot(cache->wi[lamp], at->weft), tsuya_vec3_dot(cache->wi[lamp], warp), facing};
+        double relief = visible * (double)yarn->shade * fmax(0.0, tsuya_vec3_dot(n, cache->wi[lamp])) / (fmax(facing, FACING_LEAST) * relief_at(s, wi));
         for (int c = 0; c < 3; c++) {
             rgb[c] += relief * (cache->surface[lamp][c] + cache->volume[lamp][c] * (double)yarn->dye[c]);
         }

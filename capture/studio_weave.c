@@ -6,6 +6,7 @@
 #include "capture/studio.h"
 
 #include <math.h>
+#include <string.h>
 
 static const float GROUND[2][3] = {{0.36f, 0.035f, 0.045f}, {0.62f, 0.50f, 0.30f}};
 static const float GOLD[3] = {0.52f, 0.34f, 0.09f};
@@ -74,6 +75,10 @@ static void border(const tsuya_studio_weave *w, float rgb[3], double u, double v
 void tsuya_studio_dye_at(const tsuya_studio_weave *w, double u, double v, float rgb[3])
 {
     const double block = 0.06, cell = 0.034;
+    if (w->plain) {
+        memcpy(rgb, w->plain, 3 * sizeof *rgb);
+        return;
+    }
     double step = floor(v / block), shift = (long long)step % 2 ? 0.5 * block : 0.0;
     long long column = (long long)floor((u + shift) / block);
     int ground = (int)(((column + (long long)step) % 2 + 2) % 2);

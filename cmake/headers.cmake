@@ -3,6 +3,7 @@
 set(TSUYA_PUBLIC_HEADERS
   brdf/export.h
   brdf/fit.h
+  brdf/gather.h
   brdf/material.h
   brdf/plan.h
   brdf/predict.h

@@ -203,7 +203,7 @@ static void far_cloth_has_the_reflectance_of_its_truth(void **state)
         tsuya_studio_reflectance(satin, mean, wi, wo, expected);
         print_message("lamp %d: seen %.4f %.4f %.4f, reflectance times cosine %.4f %.4f %.4f\n", k, seen[0], seen[1], seen[2], expected[0] * wi.z, expected[1] * wi.z, expected[2] * wi.z);
         for (int c = 0; c < 3; c++) {
-            assert_true(fabs(seen[c] / (expected[c] * wi.z) - 1.0) < 0.08);
+            assert_true(fabs(seen[c] / (expected[c] * wi.z) - 1.0) < 0.02);
         }
         tsuya_image_free(&radiance);
         tsuya_image_free(&coverage);
