@@ -502,12 +502,36 @@ static void search(problem *p, double *kept)
     restore(p, winner);
 }
 
+/* Beyond the outermost readings a curve may fall but not rise: a logarithm that is led on straight would shine without bound. */
+static void fall_beyond(const problem *p)
+{
+    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY}; /* of ψt and ψb */
+    for (int k = 0; k < p->data->count; ++k) {
+        const double psi[2] = {p->data->angles[k].psi_t, p->data->angles[k].psi_b};
+        for (int i = 0; i < 2; ++i) {
+            low[i] = fmin(low[i], psi[i]);
+            high[i] = fmax(high[i], psi[i]);
+        }
+    }
+    for (int curve = 0; curve < TSUYA_SHEEN_CURVES; ++curve) {
+        double *a = p->sheen->curve[curve], step = M_PI / p->options->spans;
+        int over = curve == TSUYA_SHEEN_WARP_ALONG || curve == TSUYA_SHEEN_WEFT_ACROSS; /* the warp runs along b */
+        for (int k = p->curve_size - 2; k >= 0; --k) {
+            a[k] = -0.5 * M_PI + (k - 1) * step < low[over] ? fmin(a[k], a[k + 1]) : a[k];
+        }
+        for (int k = 1; k < p->curve_size; ++k) {
+            a[k] = -0.5 * M_PI + (k - 1) * step > high[over] ? fmin(a[k], a[k - 1]) : a[k];
+        }
+    }
+}
+
 tsuya_status tsuya_sheen_fit_guide(tsuya_sheen *sheen, double *error, const tsuya_fit_data *data, const tsuya_sheen_guide_options *options)
 {
     problem p;
     tsuya_status status = prepare(&p, sheen, data, options);
     if (status == TSUYA_OK) {
         search(&p, p.saved + p.unknowns);
+        fall_beyond(&p);
         *error = sqrt(data_term(&p));
     }
     tsuya_free(p.matrix);
