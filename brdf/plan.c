@@ -9,8 +9,10 @@
 
 enum { MOST_POSITIONS = 8000 };
 
-/* Standard deviations of the logarithm, and lengths in radians over which the changes hang together. */
-static const struct { double along, across, strength, rest, along_length, across_length, rest_length; } prior = {0.8, 0.5, 0.5, 0.3, 0.07, 0.35, 0.25};
+/* Standard deviations of the logarithm, and lengths in radians over which the changes hang together; trend: variance of level and slope along
+ * a yarn; slant_length: of the light's difference, as in brdf/sheen.h. */
+static const struct { double along, across, strength, rest, trend, along_length, across_length, rest_length, slant_length; } prior = {
+    0.8, 0.5, 0.5, 0.3, 8.0, 0.15, 0.35, 0.25, 0.1};
 static const double lowest_cosine = 0.17364817766693041; /* 80° */
 
 tsuya_plan_options tsuya_plan_options_default(void)
@@ -21,6 +23,7 @@ tsuya_plan_options tsuya_plan_options_default(void)
 typedef struct position {
     double azimuth_deg, tilt_deg;
     double psi[2];  /* half vector's inclination along weft and warp */
+    double slant[2]; /* squares of the light's difference along weft and warp */
     double part[2]; /* of the light there, of warp and weft */
     double slope;   /* of ∛(f cosθi) by log f: a third of it */
 } position;
@@ -60,6 +63,8 @@ static bool set_position(position *p, const tsuya_material *m, tsuya_vec3 wi, ts
     }
     p->psi[0] = a.psi_t;
     p->psi[1] = a.psi_b;
+    p->slant[0] = a.dt2;
+    p->slant[1] = a.db2;
     p->slope = cbrt(mean * wi.z) / 3.0;
     set_parts(p, m, &a, mean);
     return true;
@@ -67,16 +72,28 @@ static bool set_position(position *p, const tsuya_material *m, tsuya_vec3 wi, ts
 
 static double bell(double difference, double length) { return exp(-0.5 * difference * difference / (length * length)); }
 
+/* What a cubic smoothing spline believes of a curve: a straight line, and bends that grow away from what is known (Wahba, "Spline models for
+ * observational data", 1990).  A bell would forget them there, where the fit leads the curve on and is wrong. */
+static double bend(double x, double y)
+{
+    double a = x + 0.5 * M_PI, b = y + 0.5 * M_PI, low = fmin(a, b), high = fmax(a, b);
+    double rough = 3.0 * prior.along * prior.along / pow(prior.along_length, 3);
+    return rough * low * low * (3.0 * high - low) / 6.0 + prior.trend * (1.0 + a * b);
+}
+
 static double covariance(const position *p, const position *q)
 {
     double dt = p->psi[0] - q->psi[0], db = p->psi[1] - q->psi[1], sum = 0.0;
     for (int y = 0; y < 2; ++y) { /* the warp runs along b */
-        double along = y == 0 ? db : dt, across = y == 0 ? dt : db;
-        double own = prior.along * prior.along * bell(along, prior.along_length) * bell(across, 2.0 * prior.across_length) +
+        int along = y == 0 ? 1 : 0;
+        double across = y == 0 ? dt : db;
+        double own = bend(p->psi[along], q->psi[along]) * bell(across, 2.0 * prior.across_length) +
                      prior.across * prior.across * bell(across, prior.across_length) + prior.strength * prior.strength;
         sum += p->part[y] * q->part[y] * own;
     }
-    sum += prior.rest * prior.rest * bell(hypot(dt, db), prior.rest_length);
+    /* one half vector belongs to many pairs of directions: at the mirror position, to every azimuth */
+    double slant = bell(hypot(p->slant[0] - q->slant[0], p->slant[1] - q->slant[1]), prior.slant_length);
+    sum += prior.rest * prior.rest * bell(hypot(dt, db), prior.rest_length) * (1.0 + slant);
     return p->slope * q->slope * sum;
 }
 
@@ -121,15 +138,6 @@ static void update(double *matrix, int n, const double *column, double variance)
     }
 }
 
-static double trace(const double *matrix, int n)
-{
-    double sum = 0.0;
-    for (int i = 0; i < n; ++i) {
-        sum += matrix[(size_t)i * (size_t)n + (size_t)i];
-    }
-    return fmax(sum, 0.0);
-}
-
 /* Readings so far are taken at the nearest position, or are of no help where there is none within two degrees of half vector. */
 static int nearest_position(const position *list, int n, const position *p)
 {
@@ -171,7 +179,16 @@ static void observe(design *d, int k)
     update(d->matrix, d->n, d->column, fmax(d->column[k], 0.0) + noise_of(&d->list[k], d->options->noise, d->brightest));
 }
 
-static double expected(const design *d) { return d->scale > 0.0 ? sqrt(trace(d->matrix, d->n) / d->scale) : 0.0; }
+/* A cube root whose logarithm is known to v is known to a third of √v, and never worse than to itself. */
+static double expected(const design *d)
+{
+    double sum = 0.0;
+    for (int k = 0; k < d->n; ++k) {
+        double own = 9.0 * d->list[k].slope * d->list[k].slope;
+        sum += own > 0.0 ? own * -expm1(-fmax(d->matrix[(size_t)k * (size_t)d->n + (size_t)k], 0.0) / own) : 0.0;
+    }
+    return d->scale > 0.0 ? sqrt(sum / d->scale) : 0.0;
+}
 
 /* A prediction may also miss a lobe, or see one that is not there: no place counts for less than half of the mean, or more than one and
  * a half of it. */

@@ -1,8 +1,8 @@
 /* Which stage angles to measure next.
  *
  * About a predicted material the cube root of f·cosθi is linear in small changes of its logarithm.  These are taken as Gaussian: for
- * each yarn, weighted by its part of the light there, a smooth change along it, one across it and one of its strength, and a smooth change
- * over the half vector that belongs to no yarn.  Readings then shrink the covariance by a known amount whatever they will show, and
+ * each yarn, weighted by its part of the light there, a change along it as a smoothing spline expects it, a smooth one across it and one of
+ * its strength; and a smooth change over the half vector, and over the light's difference at the same half vector, that belongs to no yarn.  Readings then shrink the covariance by a known amount whatever they will show, and
  * those are chosen, one after the other, that lower the expected squared error over all positions of the bench most (Bayesian
  * I-optimal design; Chaloner & Verdinelli, "Bayesian experimental design: a review", Statistical Science 10(3), 1995). */
 #ifndef TSUYA_BRDF_PLAN_H
