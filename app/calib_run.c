@@ -1,5 +1,6 @@
 #include "app/calib_run.h"
 
+#include "calib/mrcal_inputs.h"
 #include "core/file.h"
 #include "core/photo.h"
 
@@ -161,6 +162,20 @@ static tsuya_status write_page(run *r, const char *path)
     return tsuya_calib_page(path, r->input->folder, &r->calibration, &r->corners, r->path, r->detected.report ? &r->detected : NULL);
 }
 
+/* An even grid is mrcal's own kind of board: its warp, and what its tools need to compute uncertainty. */
+static tsuya_status write_inputs(run *r, tsuya_json *figures)
+{
+    tsuya_mrcal_board board;
+    TSUYA_TRY(tsuya_mrcal_board_solve(&board, &r->calibration.solve));
+    tsuya_json *o = tsuya_json_set_object(figures, "board_warp");
+    tsuya_json_set_numbers(o, "middle_m", board.warp_m, 2);
+    tsuya_json_set_number(o, "rms_px", board.rms_px);
+    tsuya_json_set_number(o, "rms_flat_px", board.rms_flat_px);
+    tsuya_status status = tsuya_mrcal_inputs_add(r->input->model, &board);
+    tsuya_mrcal_board_free(&board);
+    return status;
+}
+
 static tsuya_status write_all(run *r, tsuya_json *figures, double start_s)
 {
     TSUYA_TRY(tsuya_cameramodel_save(&r->calibration.solve.camera, tsuya_pose_identity(), r->input->model));
@@ -173,6 +188,9 @@ static tsuya_status write_all(run *r, tsuya_json *figures, double start_s)
     tsuya_calibration_to_json(figures, &r->calibration, &r->corners);
     set_exports(figures, &r->calibration.solve.camera);
     set_detection(figures, r);
+    if (tsuya_board_even_grid(&r->board)) {
+        TSUYA_TRY(write_inputs(r, figures));
+    }
     tsuya_json *stages = tsuya_json_set_object(figures, "stages");
     tsuya_json_set_number(stages, "tags", r->seconds_tags);
     tsuya_json_set_number(stages, "solve", r->calibration.seconds);

@@ -1,5 +1,6 @@
 #include "calib/mrcal_adapter.h"
 
+#include "calib/mrcal_inputs.h"
 #include "core/memory.h"
 
 #include <mrcal/mrcal.h>
@@ -255,4 +256,104 @@ bool tsuya_mrcal_project(tsuya_vec2 *pixel, double by_point[6], double *by_intri
     memcpy(by_point, gradient, sizeof gradient);
     *pixel = (tsuya_vec2){q.x, q.y};
     return isfinite(q.x) && isfinite(q.y);
+}
+
+/* A corner as an even grid would have it: without the tags' growth. */
+static void place_corner(tsuya_mrcal_board *b, const tsuya_solve *s, const tsuya_solve_observation *o, double typical_px)
+{
+    const tsuya_board_plate *plate = &s->board->plate[0];
+    int x = 2 * (o->tag % plate->cols) + (o->corner == 1 || o->corner == 2), y = 2 * (o->tag / plate->cols) + (o->corner >= 2);
+    double *out = b->observation + 3 * (((size_t)o->view * (size_t)b->rows + (size_t)y) * (size_t)b->cols + (size_t)x), by_point[6];
+    tsuya_pose pose = s->view[o->view].camera_from_plate;
+    tsuya_vec2 grown, even;
+    if (o->outlier || !tsuya_mrcal_project(&grown, by_point, NULL, &s->camera, tsuya_pose_apply(pose, tsuya_solve_point(s, o->tag, o->corner))) ||
+        !tsuya_mrcal_project(&even, by_point, NULL, &s->camera, tsuya_pose_apply(pose, tsuya_board_corner(s->board, o->tag, o->corner)))) {
+        return;
+    }
+    out[0] = o->pixel.x - grown.x + even.x;
+    out[1] = o->pixel.y - grown.y + even.y;
+    out[2] = fmin(typical_px / o->weight_sigma_px, 1.0);
+}
+
+static tsuya_status fill_board(tsuya_mrcal_board *b, const tsuya_solve *s)
+{
+    const tsuya_board_plate *plate = &s->board->plate[0];
+    tsuya_status status = TSUYA_OK;
+    *b = (tsuya_mrcal_board){.lens = s->camera.lens, .width_px = s->camera.width_px, .height_px = s->camera.height_px, .cols = 2 * plate->cols,
+                             .rows = 2 * plate->rows, .frames = s->view_count, .spacing_m = plate->tag_m, .intrinsics_count = tsuya_lens_parameters(s->camera.lens)};
+    size_t corners = (size_t)b->frames * (size_t)b->cols * (size_t)b->rows;
+    double typical = INFINITY;
+    vector_from_camera(b->intrinsics, &s->camera);
+    TSUYA_NEW(status, b->frame, 6 * (size_t)b->frames);
+    TSUYA_NEW(status, b->observation, 3 * corners);
+    for (size_t i = 0; i < 3 * corners; i++) {
+        b->observation[i] = -1.0;
+    }
+    for (int v = 0; v < s->view_count; v++) {
+        tsuya_vec3 r = tsuya_rodrigues_from_mat3(s->view[v].camera_from_plate.rotation), t = s->view[v].camera_from_plate.translation;
+        const double rt[6] = {r.x, r.y, r.z, t.x, t.y, t.z};
+        memcpy(b->frame + 6 * v, rt, sizeof rt);
+    }
+    for (int i = 0; i < s->observation_count; i++) {
+        typical = fmin(typical, s->observation[i].weight_sigma_px);
+    }
+    for (int i = 0; i < s->observation_count; i++) {
+        place_corner(b, s, &s->observation[i], typical);
+    }
+done:
+    return status;
+}
+
+static tsuya_status optimize_board(double *rms_px, tsuya_mrcal_board *b, const mrcal_observation_board_t *seen, bool warp)
+{
+    mrcal_lensmodel_t model = model_of(b->lens);
+    mrcal_problem_selections_t select = {.do_optimize_intrinsics_core = true, .do_optimize_intrinsics_distortions = true, .do_optimize_extrinsics = true,
+                                         .do_optimize_frames = true, .do_optimize_calobject_warp = warp};
+    mrcal_problem_constants_t constants = {.point_min_range = 1e-6, .point_max_range = 1e9};
+    mrcal_calobject_warp_t bend = {.values = {b->warp_m[0], b->warp_m[1]}};
+    int size[2] = {b->width_px, b->height_px}, states = mrcal_num_states(1, 0, b->frames, 0, 0, b->frames, select, &model);
+    int rows = mrcal_num_measurements(b->frames, 0, b->cols, b->rows, 1, 0, b->frames, 0, 0, select, &model);
+    double *packed = NULL, *x = NULL, squares = 0.0;
+    tsuya_status status = TSUYA_OK;
+    TSUYA_NEW(status, packed, (size_t)states);
+    TSUYA_NEW(status, x, (size_t)rows);
+    mrcal_stats_t stats = mrcal_optimize(packed, states * (int)sizeof *packed, x, rows * (int)sizeof *x, b->intrinsics, NULL, (mrcal_pose_t *)b->frame, NULL, &bend,
+                                         1, 0, b->frames, 0, 0, seen, NULL, b->frames, 0, (mrcal_point3_t *)b->observation, &model, size, select, &constants,
+                                         b->spacing_m, b->cols, b->rows, false, false);
+    int count = 0;
+    for (int i = 0; i < b->frames * b->cols * b->rows; i++) {
+        count += b->observation[3 * i + 2] > 0.0 ? 2 : 0;
+    }
+    for (int i = 0; i < rows; i++) {
+        squares += x[i] * x[i];
+    }
+    *rms_px = sqrt(squares / fmax(count, 1));
+    b->warp_m[0] = bend.values[0];
+    b->warp_m[1] = bend.values[1];
+    if (!(stats.rms_reproj_error__pixels >= 0.0) || !isfinite(*rms_px)) {
+        status = tsuya_fail(TSUYA_ERROR_NUMERIC, "the board's warp did not converge (%d photographs)", b->frames);
+    }
+done:
+    tsuya_free(packed);
+    tsuya_free(x);
+    return status;
+}
+
+tsuya_status tsuya_mrcal_board_solve(tsuya_mrcal_board *b, const tsuya_solve *solve)
+{
+    mrcal_observation_board_t *seen = NULL;
+    tsuya_status status = TSUYA_OK;
+    TSUYA_GOTO_DONE(status, fill_board(b, solve));
+    TSUYA_NEW(status, seen, (size_t)b->frames);
+    for (int i = 0; i < b->frames; i++) {
+        seen[i] = (mrcal_observation_board_t){.icam = {.intrinsics = 0, .extrinsics = -1}, .iframe = i};
+    }
+    TSUYA_GOTO_DONE(status, optimize_board(&b->rms_flat_px, b, seen, false));
+    TSUYA_GOTO_DONE(status, optimize_board(&b->rms_px, b, seen, true));
+done:
+    tsuya_free(seen);
+    if (status != TSUYA_OK) {
+        tsuya_mrcal_board_free(b);
+    }
+    return status;
 }

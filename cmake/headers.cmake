@@ -29,6 +29,7 @@ set(TSUYA_PUBLIC_HEADERS
   calib/covariance.h
   calib/detect.h
   calib/lamp.h
+  calib/mrcal_inputs.h
   calib/projection.h
   calib/refine.h
   calib/solve.h
