@@ -24,7 +24,7 @@ static const struct argp_option reconstruct_options[] = {
     {"hold-out", KEY_HOLD_OUT, "NAME", 0, "Place this photograph, but use it for no depth, colour or surface; repeatable", 0},
     {"dense-px", KEY_DENSE, "N", 0, "Longer side of the depth maps (default: half the photographs' above 1600 px, else full)", 0},
     {"sources", KEY_SOURCES, "N", 0, "Neighbours that a depth map is compared with (default 5)", 0},
-    {"tolerance", KEY_TOLERANCE, "T", 0, "Of the mesh's decimation, in its unit (default: half the points' spacing)", 0},
+    {"tolerance", KEY_TOLERANCE, "T", 0, "Error wanted of the surface, as 0.5mm, or a number in the reconstruction's unit: chooses size and neighbours of the depth maps and the mesh", 0},
     {"truth", KEY_TRUTH, "MESH.ply", 0, "Hold the surface against this one, in the same frame (known poses)", 0},
     {"output", 'o', "FOLDER", 0, "Where to write (default: the current folder)", 0},
     {0},
@@ -48,7 +48,11 @@ static error_t parse_reconstruct(int key, char *arg, struct argp_state *state)
     case KEY_HOLD_OUT: tsuya_argument_append(state, input->hold_out, LIST, arg); return 0;
     case KEY_DENSE: o->dense_long_side_px = tsuya_argument_int(state, "--dense-px", arg, 64, 65535); return 0;
     case KEY_SOURCES: o->source_views = tsuya_argument_int(state, "--sources", arg, 1, 12); return 0;
-    case KEY_TOLERANCE: o->tolerance = tsuya_argument_number(state, "--tolerance", arg, 1e-12, 1e12); return 0;
+    case KEY_TOLERANCE:
+        if (!tsuya_parse_length(&o->tolerance, &o->tolerance_in_metres, arg)) {
+            argp_error(state, "--tolerance: '%s' is not a length such as 0.5mm, 0.05cm, 0.0005m, or a number above 0", arg);
+        }
+        return 0;
     case KEY_TRUTH: input->truth = arg; return 0;
     case KEY_SCALE: input->board = arg; return 0;
     case KEY_DISTANCE: tsuya_argument_append(state, input->distance, LIST, arg); return 0;

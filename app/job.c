@@ -47,6 +47,7 @@ static const tsuya_yaml_field job_fields[] = {
     {.key = "poses", .kind = TSUYA_YAML_TEXT, .offset = offsetof(tsuya_job, poses)},
     {.key = "scale", .kind = TSUYA_YAML_RECORD, .offset = offsetof(tsuya_job, scale), .fields = scale_fields,
      .size = sizeof(tsuya_job_scale), .presence_offset = offsetof(tsuya_job, has_scale)},
+    {.key = "tolerance", .kind = TSUYA_YAML_TEXT, .offset = offsetof(tsuya_job, tolerance)},
     {.key = "materials", .kind = TSUYA_YAML_RECORDS, .offset = offsetof(tsuya_job, materials), .fields = material_fields,
      .size = sizeof(tsuya_job_material)},
     {.key = "lights", .kind = TSUYA_YAML_TEXT, .offset = offsetof(tsuya_job, lights)},
@@ -55,6 +56,36 @@ static const tsuya_yaml_field job_fields[] = {
     {.key = "hold_out", .kind = TSUYA_YAML_TEXTS, .offset = offsetof(tsuya_job, hold_out)},
     {0},
 };
+
+bool tsuya_parse_length(double *length, bool *in_metres, const char *text)
+{
+    static const struct { const char *name; double metres; } units[] = {{"mm", 1e-3}, {"cm", 1e-2}, {"m", 1.0}};
+    char number[64];
+    double unit = 1.0;
+    size_t size = strlen(text);
+    *in_metres = false;
+    for (size_t i = 0; i < sizeof units / sizeof units[0] && !*in_metres; i++) {
+        size_t tail = strlen(units[i].name);
+        if (size > tail && strcmp(text + size - tail, units[i].name) == 0) {
+            *in_metres = true;
+            unit = units[i].metres;
+            size -= tail;
+        }
+    }
+    while (size > 0 && text[size - 1] == ' ') {
+        size--;
+    }
+    if (size == 0 || size >= sizeof number) {
+        return false;
+    }
+    memcpy(number, text, size);
+    number[size] = '\0';
+    if (!tsuya_parse_number(length, number) || !(*length > 0.0 && *length < 1e12)) {
+        return false;
+    }
+    *length *= unit;
+    return true;
+}
 
 static tsuya_status invalid(const tsuya_job *job, const char *key, const char *value, const char *wanted)
 {
@@ -356,6 +387,9 @@ static tsuya_status check(tsuya_job *job)
     TSUYA_TRY(resolve(job, &job->masks, "masks", true));
     TSUYA_TRY(resolve(job, &job->poses, "poses", true));
     TSUYA_TRY(resolve(job, &job->lights, "lights", false));
+    if (job->tolerance && !tsuya_parse_length(&job->tolerance_units, &job->tolerance_in_metres, job->tolerance)) {
+        return invalid(job, "tolerance", job->tolerance, "is not a length such as 0.5mm, or a number above 0");
+    }
     TSUYA_TRY(check_camera(job));
     TSUYA_TRY(check_scale(job));
     TSUYA_TRY(check_materials(job));

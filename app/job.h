@@ -28,7 +28,9 @@ typedef struct tsuya_job_render {
 } tsuya_job_render;
 
 typedef struct tsuya_job {
-    const char *name, *photos, *masks, *poses, *lights;
+    const char *name, *photos, *masks, *poses, *lights, *tolerance;
+    double tolerance_units; /* 0: none */
+    bool tolerance_in_metres;
     bool has_camera, has_scale;
     tsuya_job_camera camera;
     tsuya_job_scale scale;
@@ -46,6 +48,9 @@ typedef struct tsuya_job {
  * that cannot be read or are of mixed size, and on parts of the interface that this version lacks. */
 TSUYA_MUST_CHECK tsuya_status tsuya_job_load(tsuya_job *job, const char *path, const char *folder);
 void tsuya_job_free(tsuya_job *job);
+
+/* "0.5mm", "1cm", "0.0005m" in metres, or a bare number; above 0. */
+bool tsuya_parse_length(double *length, bool *in_metres, const char *text);
 
 /* A path inside the job folder (arena; NULL when memory is short). */
 char *tsuya_job_path(const tsuya_job *job, const char *format, ...) TSUYA_PRINTF(2, 3);

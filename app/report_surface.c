@@ -1,5 +1,6 @@
 /* The surface from several sides, what supports it, and the weft field on it. */
 #include "app/report_parts.h"
+#include "app/terminal.h"
 
 #include "render/views.h"
 
@@ -86,6 +87,36 @@ static void surface_table(tsuya_report *report)
                    tsuya_mesh_area(&report->mesh), tsuya_mesh_mean_edge(&report->mesh));
 }
 
+static void precision_row(tsuya_report *report, const char *what, const tsuya_json *step, double unit, const char *unit_name)
+{
+    char duration[TSUYA_DURATION_SIZE];
+    tsuya_html_raw(&report->html, "<tr><td>%s</td><td>%.0f px, %.0f neighbours</td><td>%.3g %s</td><td>%s</td></tr>", what,
+                   tsuya_json_number_or(tsuya_json_member(step, "dense_long_side_px"), NAN),
+                   tsuya_json_number_or(tsuya_json_member(step, "source_views"), NAN),
+                   unit * tsuya_json_number_or(tsuya_json_member(step, "error_units"), NAN), unit_name,
+                   tsuya_format_duration(duration, tsuya_json_number_or(tsuya_json_member(step, "dense_seconds"), NAN)));
+}
+
+/* What the depth maps' size costs and gives, and what the next finer one would. */
+static void precision_table(tsuya_report *report)
+{
+    const tsuya_json *figures = tsuya_report_figures(report, "reconstruct"), *precision = tsuya_json_member(figures, "precision");
+    const tsuya_json *finer = tsuya_json_member(precision, "finer");
+    bool metric = report->job->poses || isfinite(tsuya_json_number_or(tsuya_json_member(figures, "scale_m_per_unit"), NAN));
+    if (!precision) {
+        return;
+    }
+    tsuya_html_raw(&report->html, "<table><tr><th></th><th>Depth maps</th><th>Error expected (two standard deviations)</th><th>Depth to surface</th></tr>");
+    precision_row(report, "this surface", tsuya_json_member(precision, "chosen"), metric ? 1e3 : 1.0, metric ? "mm" : "units");
+    if (tsuya_json_is_object(finer)) {
+        precision_row(report, "next finer step", finer, metric ? 1e3 : 1.0, metric ? "mm" : "units");
+    }
+    tsuya_html_raw(&report->html, "</table>\n");
+    if (!tsuya_json_is_object(finer)) {
+        tsuya_html_raw(&report->html, "<p>These photographs give nothing finer.</p>\n");
+    }
+}
+
 void tsuya_report_surface(tsuya_report *report)
 {
     if (report->mesh.triangle_count == 0) {
@@ -95,6 +126,7 @@ void tsuya_report_surface(tsuya_report *report)
     char caption[64];
     tsuya_report_open(report, "surface", "Surface", "The mesh from all sides: as unpainted clay, which shows the folds alone, and in the photographs' colours.");
     surface_table(report);
+    precision_table(report);
     tsuya_html_raw(&report->html, "<div class=\"grid g6\">\n");
     for (int i = 0; i < 6; i++) {
         snprintf(caption, sizeof caption, "clay, from %d°", 60 * i);

@@ -15,6 +15,8 @@ static tsuya_reconstruct_options options_of(const tsuya_job *job)
     options.camera_model = tsuya_stage_camera_model(job);
     options.hold_out = job->hold_out.item;
     options.hold_out_count = job->hold_out.count;
+    options.tolerance = job->tolerance_units;
+    options.tolerance_in_metres = job->tolerance_in_metres;
     return options;
 }
 

@@ -2,6 +2,7 @@
 
 #include "core/memory.h"
 #include "reconstruct/fusion_views.h"
+#include "reconstruct/precision.h"
 #include "reconstruct/stereo_views.h"
 
 #include <stdlib.h>
@@ -134,9 +135,9 @@ static void add_vote(vote_sum *sum, tsuya_vec3 origin, tsuya_vec3 ray, double ow
  * shrink sigma only so far.  Where the curved prior had to help, its own bound stands instead: no angle makes it better. */
 static void settle(struct fused_point *out, const vote_sum *sum, tsuya_vec3 origin, tsuya_vec3 ray, double own, double gsd, bool helped)
 {
-    const double matching_px = 0.15, prior_freedom = 2.0, correlation = 0.7;
+    const double prior_freedom = 2.0, correlation = 0.7;
     double mean = sum->depth / sum->weight, spread2 = fmax(sum->depth2 / sum->weight - mean * mean, 0.0);
-    double expected = helped ? gsd : matching_px * gsd / fmax(sum->sine, 0.01);
+    double expected = helped ? gsd : tsuya_matching_sigma(gsd, sum->sine);
     double variance = (prior_freedom * expected * expected + sum->count * spread2) / (prior_freedom + sum->count - 1);
     tsuya_vec3 n = tsuya_vec3_unit(sum->normal), p = tsuya_vec3_mad(origin, own + mean, ray);
     double slant = fabs(tsuya_vec3_dot(n, ray));

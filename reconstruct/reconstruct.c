@@ -82,6 +82,33 @@ static double median(double *values, size_t count)
     return values[count / 2];
 }
 
+static int longer_side(const tsuya_photo_set *photos)
+{
+    return photos->photo[0].width_px > photos->photo[0].height_px ? photos->photo[0].width_px : photos->photo[0].height_px;
+}
+
+/* Sizes of the dense steps: what the options say, else what the tolerance needs, else the defaults. */
+static tsuya_status choose_precision(tsuya_reconstruction *r, const tsuya_sparse_model *model)
+{
+    const tsuya_reconstruct_options *o = r->options;
+    const int longer = longer_side(&r->photos);
+    tsuya_precision_step given = {.long_side_px = o->dense_long_side_px, .source_views = o->source_views};
+    if (o->tolerance > 0.0 && o->tolerance_in_metres && !o->scale && !o->poses) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "tolerance: %g m, but the reconstruction has no metres: a scale or known poses are needed, or a "
+                          "number without a unit", o->tolerance);
+    }
+    given.long_side_px = given.long_side_px > longer ? longer : given.long_side_px;
+    if (!(o->tolerance > 0.0)) {
+        given.long_side_px = given.long_side_px > 0 ? given.long_side_px : longer > HALF_ABOVE_PX ? (longer + 1) / 2 : longer;
+        given.source_views = given.source_views > 0 ? given.source_views : tsuya_stereo_options_default().source_views;
+    }
+    TSUYA_TRY(tsuya_precision_choose(&r->precision, model, r->info->gsd, longer, o->tolerance, given, r->arena));
+    if (!r->precision.reached) {
+        tsuya_warn("tolerance: %.3g is finer than these photographs give: %.3g is expected", o->tolerance, r->precision.chosen.error);
+    }
+    return TSUYA_OK;
+}
+
 /* Ground sample distance: median over views of (median depth of the points seen) / focal length, at full size. */
 static tsuya_status measure_sparse(tsuya_reconstruction *r)
 {
@@ -116,6 +143,7 @@ static tsuya_status measure_sparse(tsuya_reconstruction *r)
     r->info->sparse_points = model.point_count;
     r->info->reprojection_px = observations > 0 ? error / (double)observations : NAN;
     r->info->gsd = median(distance, views);
+    status = choose_precision(r, &model);
 done:
     tsuya_free(depth);
     tsuya_free(distance);
@@ -134,11 +162,11 @@ static tsuya_status close_step(tsuya_reconstruction *r, tsuya_json *figures)
 static tsuya_status stereo(tsuya_reconstruction *r)
 {
     const tsuya_reconstruct_options *o = r->options;
-    int longer = r->photos.photo[0].width_px > r->photos.photo[0].height_px ? r->photos.photo[0].width_px : r->photos.photo[0].height_px;
+    const int longer = longer_side(&r->photos);
     tsuya_stereo_options options = tsuya_stereo_options_default();
     options.workspace = tsuya_reconstruction_path(r, "dense");
-    options.long_side_px = o->dense_long_side_px > 0 ? o->dense_long_side_px : longer > HALF_ABOVE_PX ? (longer + 1) / 2 : 0;
-    options.source_views = o->source_views > 0 ? o->source_views : options.source_views;
+    options.long_side_px = r->precision.chosen.long_side_px < longer ? r->precision.chosen.long_side_px : 0;
+    options.source_views = r->precision.chosen.source_views;
     options.hold_out = o->hold_out;
     options.hold_out_count = o->hold_out_count;
     r->info->dense_long_side_px = options.long_side_px > 0 ? options.long_side_px : longer;
@@ -180,13 +208,13 @@ static tsuya_status fusion(tsuya_reconstruction *r)
 static tsuya_status surface(tsuya_reconstruction *r)
 {
     const char *path = tsuya_reconstruction_path(r, "surface.ply");
-    if (tsuya_step_begin(&r->steps, "surface", tsuya_arena_printf(r->arena, "%.17g", r->options->tolerance), path)) {
+    if (tsuya_step_begin(&r->steps, "surface", tsuya_arena_printf(r->arena, "%.17g", r->precision.mesh_tolerance), path)) {
         return TSUYA_OK;
     }
     tsuya_mesh cloud = {0}, mesh = {0};
     tsuya_surface_info info;
     tsuya_surface_options options = tsuya_surface_options_default();
-    options.tolerance = r->options->tolerance;
+    options.tolerance = r->precision.mesh_tolerance;
     options.masks_workspace = r->options->masks ? tsuya_reconstruction_path(r, "dense") : NULL;
     tsuya_status status;
     TSUYA_GOTO_DONE(status, tsuya_ply_load(&cloud, tsuya_reconstruction_path(r, "cloud.ply")));
@@ -237,6 +265,18 @@ static double figure(const tsuya_reconstruction *r, const char *step, const char
     return tsuya_json_number_or(tsuya_json_member(tsuya_step_figures(&r->steps, step), name), fallback);
 }
 
+/* Of stereo, fusion and surface, all of which grow with the maps. */
+static double dense_seconds(const tsuya_reconstruction *r)
+{
+    double sum = 0.0;
+    for (int i = 0; i < r->steps.count; i++) {
+        const tsuya_step *step = &r->steps.step[i];
+        bool dense = strcmp(step->name, "stereo") == 0 || strcmp(step->name, "fusion") == 0 || strcmp(step->name, "surface") == 0;
+        sum += dense ? step->seconds : 0.0;
+    }
+    return sum;
+}
+
 static tsuya_status collect(tsuya_reconstruction *r)
 {
     tsuya_reconstruct_info *info = r->info;
@@ -250,6 +290,10 @@ static tsuya_status collect(tsuya_reconstruction *r)
             tsuya_json_set_copy(info->parts, PARTS[i], figures);
         }
     }
+    if (!(info->precision = tsuya_json_create_object())) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    tsuya_precision_to_json(info->precision, &r->precision, dense_seconds(r));
     info->scale_m_per_unit = figure(r, "scale", "scale_m_per_unit", NAN);
     info->scale_rms_m = figure(r, "scale", "scale_rms_m", NAN);
     info->points = (size_t)figure(r, "fusion", "points", 0);
@@ -311,7 +355,8 @@ done:
 void tsuya_reconstruct_info_free(tsuya_reconstruct_info *info)
 {
     tsuya_json_free(info->parts);
-    info->parts = NULL;
+    tsuya_json_free(info->precision);
+    info->parts = info->precision = NULL;
 }
 
 void tsuya_reconstruct_info_to_json(tsuya_json *object, const tsuya_reconstruct_info *info)
@@ -353,6 +398,9 @@ void tsuya_reconstruct_info_to_json(tsuya_json *object, const tsuya_reconstruct_
         tsuya_json_set_number(entry, "seconds", step->seconds);
         tsuya_json_set_number(entry, "peak_mb", step->peak_mb);
         tsuya_json_set_bool(entry, "skipped", step->skipped);
+    }
+    if (info->precision) {
+        tsuya_json_set_copy(object, "precision", info->precision);
     }
     if (info->parts) {
         tsuya_json_set_copy(object, "parts", info->parts);

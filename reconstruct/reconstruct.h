@@ -23,7 +23,9 @@ typedef struct tsuya_reconstruct_options {
     int dense_long_side_px;        /* of the depth maps; 0: half the photographs' above 1600 px, else full */
     int source_views;              /* for each depth map; 0: the default of stereo.h */
     const tsuya_scale_input *scale; /* tags or distances that make the world metric; NULL: COLMAP's frame and unit, or the poses' own */
-    double tolerance;              /* of the mesh, world unit; 0: half the cloud's spacing */
+    double tolerance;              /* error wanted of the surface, two standard deviations, world unit: chooses size and neighbours of the depth maps
+                                    * where these are 0, and the mesh; 0: the defaults */
+    bool tolerance_in_metres;      /* then a world without metres is refused */
 } tsuya_reconstruct_options;
 TSUYA_API tsuya_reconstruct_options tsuya_reconstruct_options_default(void);
 
@@ -37,7 +39,8 @@ typedef struct tsuya_reconstruct_info {
     size_t sparse_points, points, mesh_vertices, mesh_triangles;
     double gsd;                     /* of the full-size photographs at the surface, world unit */
     int dense_long_side_px;
-    double tolerance, simplification_max;
+    double tolerance, simplification_max; /* of the mesh */
+    tsuya_json *precision;          /* error expected, what is finer and what that would cost; owned */
     double silhouette_median, silhouette_min; /* intersection over union against the masks; NaN without masks */
     int silhouette_views;
     char colmap_version[64];

@@ -4,6 +4,7 @@
 
 #include "core/photo.h"
 #include "reconstruct/colmap.h"
+#include "reconstruct/precision.h"
 #include "reconstruct/reconstruct.h"
 
 typedef struct tsuya_reconstruction {
@@ -13,6 +14,7 @@ typedef struct tsuya_reconstruction {
     tsuya_photo_set photos;
     tsuya_colmap colmap;
     tsuya_steps steps;
+    tsuya_precision precision; /* of the dense steps, known once the sparse ones are done */
     tsuya_arena *arena;
 } tsuya_reconstruction;
 

@@ -345,6 +345,7 @@ static tsuya_status prepare(run *r)
     TSUYA_TRY(tsuya_sparse_model_load(&r->model, sparse));
     TSUYA_TRY(tsuya_view_plans_make(&r->plan, &r->model, o->hold_out, o->hold_out_count, o->source_views, o->workspace,
                                     r->arena));
+    tsuya_view_plans_warn(r->plan, &r->model);
     TSUYA_TRY(tsuya_stereo_cache_create(&r->cache, &r->model, o->workspace, o->long_side_px, LEVELS,
                                         o->cache_mb << 20));
     r->content = tsuya_arena_alloc(r->arena, (size_t)r->model.view_count, sizeof *r->content);

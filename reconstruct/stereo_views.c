@@ -223,16 +223,20 @@ tsuya_status tsuya_view_plans_make(tsuya_view_plan **plans, const tsuya_sparse_m
                        choose_sources(&plan[v], plan, model, candidates, v, source_views);
     }
     int used = drop_mapless_sources(plan, model->view_count);
-    for (int v = 0; v < model->view_count; v++) {
-        if (!plan[v].used && !plan[v].held_out) {
-            tsuya_warn("%s: sees too few points or shares too few with any other photograph (%d are needed); "
-                       "it gets no depth map", model->view[v].name, LEAST_POINTS);
-        }
-    }
     if (used == 0) {
         return tsuya_fail(TSUYA_ERROR_INPUT, "%s/sparse: none of the %d photographs shares %d points with another",
                           workspace, model->view_count, LEAST_POINTS);
     }
     *plans = plan;
     return TSUYA_OK;
+}
+
+void tsuya_view_plans_warn(const tsuya_view_plan *plan, const tsuya_sparse_model *model)
+{
+    for (int v = 0; v < model->view_count; v++) {
+        if (!plan[v].used && !plan[v].held_out) {
+            tsuya_warn("%s: sees too few points or shares too few with any other photograph (%d are needed); "
+                       "it gets no depth map", model->view[v].name, LEAST_POINTS);
+        }
+    }
 }

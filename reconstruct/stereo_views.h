@@ -20,4 +20,7 @@ TSUYA_MUST_CHECK tsuya_status tsuya_view_plans_make(tsuya_view_plan **plan, cons
                                                     const char *const *hold_out, int hold_out_count, int source_views,
                                                     const char *workspace, tsuya_arena *arena);
 
+/* Names the views that no plan uses. */
+void tsuya_view_plans_warn(const tsuya_view_plan *plan, const tsuya_sparse_model *model);
+
 #endif

@@ -64,13 +64,15 @@ static void test_everything_that_is_supported(void **state)
     (void)state;
     tsuya_job job;
     assert_ok(load(&job,
-                   "name: robe\nphotos: photos/\nhold_out: [IMG_01.jpg]\n"
+                   "name: robe\nphotos: photos/\ntolerance: 0.5 mm\nhold_out: [IMG_01.jpg]\n"
                    "render:\n"
                    "  - {name: turn, views: 36, size: [1280, 960], color: \"#7a1f2b\"}\n"
                    "  - {name: as-photographed, like: photos/}\n",
                    test_path("elsewhere")));
     assert_string_equal(job.folder, test_path("elsewhere"));
     assert_int_equal(job.hold_out.count, 1);
+    assert_near(job.tolerance_units, 0.0005, 1e-12);
+    assert_true(job.tolerance_in_metres);
     const tsuya_job_render *turn = tsuya_job_render_at(&job, 0);
     assert_int_equal(turn->width_px, 1280);
     assert_int_equal(turn->height_px, 960);
@@ -86,6 +88,8 @@ static void test_refusals(void **state)
     refuse("name: robe\n", "photos");
     refuse("name: robe\nphotos: nowhere\n", "does not exist");
     refuse("name: a/b\nphotos: photos\n", "name");
+    refuse("name: robe\nphotos: photos\ntolerance: fine\n", "tolerance: 'fine' is not a length");
+    refuse("name: robe\nphotos: photos\ntolerance: -1mm\n", "tolerance: '-1mm' is not a length");
     refuse("name: robe\nphotos: photos\nhold_out: [IMG_1.jpg]\n", "IMG_01.jpg");
     refuse("name: robe\nphotos: photos\nhold_out: [IMG_01.jpg, IMG_02.jpg]\n", "at least 3");
     refuse("name: robe\nphotos: mixed\n", "IMG_02.jpg");
