@@ -31,9 +31,8 @@ void tsuya_half_table_shared_draws(const tsuya_half_table *t, int total, float *
     }
 }
 
-TSUYA_CLONES("arch=x86-64-v3", "default") void
-tsuya_half_table_take_draws(const tsuya_half_table *t, tsuya_vec3 wo, const float *shared, int total, int from, int count,
-                            float *const wi[3], float *weight)
+TSUYA_CLONES("arch=x86-64-v3", "default") static void
+take_draws(const tsuya_half_table *t, tsuya_vec3 wo, const float *shared, int total, int from, int count, float *const wi[3], float *weight)
 {
     const float ox = (float)wo.x, oy = (float)wo.y, oz = (float)wo.z, *restrict density = t->density;
     const float per_phi = (float)t->phi_cells / two_pi, per_theta = (float)t->theta_cells / half_pi;
@@ -60,4 +59,10 @@ tsuya_half_table_take_draws(const tsuya_half_table *t, tsuya_vec3 wo, const floa
         wz[k] = iz;
         weight[k] = up ? iz / pdf : 0.0f;
     }
+}
+
+void tsuya_half_table_take_draws(const tsuya_half_table *t, tsuya_vec3 wo, const float *shared, int total, int from, int count, float *const wi[3],
+                                 float *weight)
+{
+    take_draws(t, wo, shared, total, from, count, wi, weight);
 }
