@@ -49,7 +49,10 @@ take_draws(const tsuya_half_table *t, tsuya_vec3 wo, const float *shared, int to
         ix = up ? ix : 0.0f;
         iy = up ? iy : 0.0f;
         float hx = ix + ox, hy = iy + oy, hz = iz + oz, across = sqrtf(hx * hx + hy * hy), size = sqrtf(across * across + hz * hz);
-        int i = (int)(arc_tangent(across / hz) * per_theta), j = (int)(azimuth_of(hx, hy) * per_phi);
+        float tx = fabsf(hx), ty = fabsf(hy), wide = tx > ty ? tx : ty, thin = tx > ty ? ty : tx;
+        float turn = angle_from(thin / (wide > 1e-30f ? wide : 1e-30f), ty > tx);
+        float tilt = angle_from(across > hz ? hz / across : across / hz, across > hz);
+        int i = (int)(tilt * per_theta), j = (int)(unfold_azimuth(turn, hx, hy) * per_phi);
         i = i < rows ? i : rows - 1;
         j = j < columns ? j : columns - 1;
         float cosine = 0.5f * size; /* of wo and h */

@@ -4,16 +4,17 @@
 
 #include "core/clones.h"
 
-#include <string.h>
 
-enum { BLOCK = 64, LANES = 4 };
+enum { BLOCK = 128, LANES = 4 };
 typedef float lanes __attribute__((vector_size(LANES * sizeof(float)), aligned(4)));
 typedef float pairs __attribute__((vector_size(8 * sizeof(float)), aligned(4)));
 
-/* Angles of one block as places on the knots, and what multiplies the net. */
+/* Angles of one block as places on the knots, what they say of the net, and what multiplies it. */
 typedef struct block {
-    float t[BLOCK], b[BLOCK], u[BLOCK], v[BLOCK], d[BLOCK]; /* places: ψt, ψb, φh, θh, θd in intervals */
+    float t[BLOCK], b[BLOCK], u[BLOCK], v[BLOCK], d[BLOCK]; /* places: ψt, ψb, φh, θh, θd in intervals; then v and d as fractions */
     float warp[BLOCK], weft[BLOCK], falloff[BLOCK];         /* warp, weft: logarithms first */
+    float wu[4][BLOCK], wd[4][BLOCK];
+    int column[4][BLOCK], corner[BLOCK]; /* where the four columns round φ begin, and where in each */
 } block;
 
 static inline void cubic(float w[4], float t)
@@ -37,30 +38,25 @@ static inline int interval_of(float place, int intervals)
 #define TWICE(a, b, c, d) {(a) / 6, (a) / 6, (b) / 6, (b) / 6, (c) / 6, (c) / 6, (d) / 6, (d) / 6}
 #define FOURFOLD(a, b) {(a) / 6, (a) / 6, (a) / 6, (a) / 6, (b) / 6, (b) / 6, (b) / 6, (b) / 6}
 
-TSUYA_CLONES("arch=x86-64-v3", "default") static void
-block_angles(block *b, const tsuya_sheen *s, const tsuya_direction_batch *d, int from, int count)
+static inline float larger(float a, float b) { return a > b ? a : b; }
+static inline float smaller(float a, float b) { return a < b ? a : b; }
+
+/* Inclinations along the yarns, the falloff and the slants, which every model has. */
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
+block_yarn_angles(block *restrict b, const tsuya_sheen *s, const tsuya_direction_batch *d, int from, int count)
 {
     const float *restrict ix = d->wi_x + from, *restrict iy = d->wi_y + from, *restrict iz = d->wi_z + from;
     const float *restrict ox = d->wo_x + from, *restrict oy = d->wo_y + from, *restrict oz = d->wo_z + from;
-    const float per_span = (float)s->spans / (2.0f * half_pi), per_u = (float)s->nu / two_pi, per_v = (float)s->nv / half_pi;
-    const float per_d = (float)s->nd / half_pi, k00 = (float)s->slant[0][0], k01 = (float)s->slant[0][1];
-    const float k10 = (float)s->slant[1][0], k11 = (float)s->slant[1][1];
+    const float per_span = (float)s->spans / (2.0f * half_pi);
+    const float k00 = (float)s->slant[0][0], k01 = (float)s->slant[0][1], k10 = (float)s->slant[1][0], k11 = (float)s->slant[1][1];
 #pragma omp simd
     for (int k = 0; k < count; ++k) {
-        bool seen = iz[k] > 0.0f && oz[k] > 0.0f;
-        float z = seen ? iz[k] + oz[k] : 1.0f, inverse = 1.0f / z, x = ix[k] + ox[k], y = iy[k] + oy[k];
-        float tx = fabsf(x), ty = fabsf(y), psi_t = arc_tangent(tx * inverse), psi_b = arc_tangent(ty * inverse);
-        float r2 = tx * tx + ty * ty, r = sqrtf(r2), theta = arc_tangent(r * inverse);
-        float wide = tx > ty ? tx : ty, thin = tx > ty ? ty : tx, phi = arc_tangent(thin / (wide > 1e-30f ? wide : 1e-30f));
-        phi = ty > tx ? half_pi - phi : phi;
-        phi = x < 0.0f ? 2.0f * half_pi - phi : phi;
-        phi = y < 0.0f ? two_pi - phi : phi;
-        float dx = ix[k] - ox[k], dy = iy[k] - oy[k], dz = iz[k] - oz[k];
-        float dt2 = 0.25f * dx * dx, db2 = 0.25f * dy * dy;
-        b->u[k] = phi * per_u;
-        b->v[k] = theta * per_v;
-        b->d[k] = arc_tangent(sqrtf((dx * dx + dy * dy + dz * dz) / (r2 + z * z))) * per_d;
-        b->falloff[k] = 0.5f * inverse;
+        float z = larger(iz[k] + oz[k], 1e-9f), x = ix[k] + ox[k], y = iy[k] + oy[k];
+        float tx = fabsf(x), ty = fabsf(y), top_t = larger(tx, z), top_b = larger(ty, z), all = 1.0f / (z * top_t * top_b);
+        float psi_t = angle_from(smaller(tx, z) * (all * z * top_b), tx > z);
+        float psi_b = angle_from(smaller(ty, z) * (all * z * top_t), ty > z);
+        float dx = ix[k] - ox[k], dy = iy[k] - oy[k], dt2 = 0.25f * dx * dx, db2 = 0.25f * dy * dy;
+        b->falloff[k] = 0.5f * (all * top_t * top_b);
         b->t[k] = ((x < 0.0f ? -psi_t : psi_t) + half_pi) * per_span;
         b->b[k] = ((y < 0.0f ? -psi_b : psi_b) + half_pi) * per_span;
         b->warp[k] = k00 * db2 + k01 * dt2;
@@ -68,56 +64,130 @@ block_angles(block *b, const tsuya_sheen *s, const tsuya_direction_batch *d, int
     }
 }
 
+/* Azimuth, tilt and difference angle, which the net is looked up with. */
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
+block_net_angles(block *restrict b, const tsuya_sheen *s, const tsuya_direction_batch *d, int from, int count)
+{
+    const float *restrict ix = d->wi_x + from, *restrict iy = d->wi_y + from, *restrict iz = d->wi_z + from;
+    const float *restrict ox = d->wo_x + from, *restrict oy = d->wo_y + from, *restrict oz = d->wo_z + from;
+    const float per_u = (float)s->nu / two_pi, per_v = (float)s->nv / half_pi, per_d = (float)s->nd / half_pi;
+#pragma omp simd
+    for (int k = 0; k < count; ++k) {
+        float z = larger(iz[k] + oz[k], 1e-9f), x = ix[k] + ox[k], y = iy[k] + oy[k], tx = fabsf(x), ty = fabsf(y);
+        float r = sqrtf(tx * tx + ty * ty), wide = larger(larger(tx, ty), 1e-18f), top = larger(r, z), both = 1.0f / (wide * top);
+        b->u[k] = unfold_azimuth(angle_from(smaller(tx, ty) * (both * top), ty > tx), x, y) * per_u;
+        b->v[k] = angle_from(smaller(r, z) * (both * wide), r > z) * per_v;
+    }
+    if (s->nd > 0) {
+#pragma omp simd
+        for (int k = 0; k < count; ++k) {
+            float z = iz[k] + oz[k], x = ix[k] + ox[k], y = iy[k] + oy[k], sum = x * x + y * y + z * z;
+            float dx = ix[k] - ox[k], dy = iy[k] - oy[k], dz = iz[k] - oz[k], difference = dx * dx + dy * dy + dz * dz;
+            float ratio = sqrtf(smaller(sum, difference) / larger(larger(sum, difference), 1e-30f));
+            b->d[k] = angle_from(ratio, difference > sum) * per_d;
+        }
+    }
+}
+
 /* The curves of both yarns: one row of four pairs a place, warp and weft side by side. */
-TSUYA_CLONES("arch=x86-64-v3", "default") static void
-block_yarns(block *b, const tsuya_sheen *s, int count)
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
+block_yarns(block *restrict b, const tsuya_sheen *s, int count)
 {
     const pairs c0 = TWICE(1.0f, 4.0f, 1.0f, 0.0f), c1 = TWICE(-3.0f, 0.0f, 3.0f, 0.0f), c2 = TWICE(3.0f, -6.0f, 3.0f, 0.0f);
     const pairs c3 = TWICE(-1.0f, 3.0f, -3.0f, 1.0f);
     const float *over_b = s->fast_curve, *over_t = over_b + 2 * (s->spans + 3);
-    for (int k = 0; k < count; ++k) {
-        int ib = interval_of(b->b[k], s->spans), it = interval_of(b->t[k], s->spans);
-        float fb = b->b[k] - (float)ib, ft = b->t[k] - (float)it;
-        pairs p = *(const pairs *)(over_b + 2 * ib) * CUBIC(c0, c1, c2, c3, fb) + *(const pairs *)(over_t + 2 * it) * CUBIC(c0, c1, c2, c3, ft);
-        b->warp[k] += (p[0] + p[2]) + (p[4] + p[6]);
-        b->weft[k] += (p[1] + p[3]) + (p[5] + p[7]);
-    }
+    lanes sum[BLOCK];
+    int ib[BLOCK], it[BLOCK];
+    const int spans = s->spans;
 #pragma omp simd
     for (int k = 0; k < count; ++k) {
-        b->warp[k] = exponential(b->warp[k]);
-        b->weft[k] = exponential(b->weft[k]);
+        ib[k] = interval_of(b->b[k], spans);
+        it[k] = interval_of(b->t[k], spans);
+        b->b[k] -= (float)ib[k];
+        b->t[k] -= (float)it[k];
+    }
+    for (int k = 0; k < count; ++k) {
+        float fb = b->b[k], ft = b->t[k];
+        pairs p = *(const pairs *)(over_b + 2 * ib[k]) * CUBIC(c0, c1, c2, c3, fb) + *(const pairs *)(over_t + 2 * it[k]) * CUBIC(c0, c1, c2, c3, ft);
+        sum[k] = __builtin_shufflevector(p, p, 0, 1, 2, 3) + __builtin_shufflevector(p, p, 4, 5, 6, 7);
+    }
+    for (int k = 0; k < count; ++k) {
+        b->warp[k] = exponential(b->warp[k] + (sum[k][0] + sum[k][2]));
+        b->weft[k] = exponential(b->weft[k] + (sum[k][1] + sum[k][3]));
     }
 }
 
-/* The same as block_net where all channels fit in one line: the four lines of a window lie side by side. */
-TSUYA_CLONES("arch=x86-64-v3", "default") static void
-block_net_of_four(float *restrict log_value, const block *b, const tsuya_sheen *s, int count)
+/* Weights round φ and over θd, and where the window of each direction begins; v and d become fractions. */
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
+block_window(block *restrict b, const tsuya_sheen *s, int count)
+{
+    const int nu = s->nu, nv = s->nv, nd = s->nd, column = (nv + 3) * LANES, layer = nu * column;
+#pragma omp simd
+    for (int k = 0; k < count; ++k) {
+        int u = interval_of(b->u[k], nu), v = interval_of(b->v[k], nv), d = nd > 0 ? interval_of(b->d[k], nd) : 0;
+        float fu = b->u[k] - (float)u, gu = 1.0f - fu, fd = b->d[k] - (float)d, gd = 1.0f - fd;
+        b->wu[0][k] = gu * gu * gu;
+        b->wu[1][k] = 4.0f + fu * fu * (3.0f * fu - 6.0f);
+        b->wu[2][k] = 4.0f + gu * gu * (3.0f * gu - 6.0f);
+        b->wu[3][k] = fu * fu * fu;
+        b->wd[0][k] = nd > 0 ? gd * gd * gd * (1.0f / 6.0f) : 1.0f;
+        b->wd[1][k] = (4.0f + fd * fd * (3.0f * fd - 6.0f)) * (1.0f / 6.0f);
+        b->wd[2][k] = (4.0f + gd * gd * (3.0f * gd - 6.0f)) * (1.0f / 6.0f);
+        b->wd[3][k] = fd * fd * fd * (1.0f / 6.0f);
+        b->v[k] -= (float)v;
+        b->corner[k] = d * layer + v * LANES;
+        b->column[0][k] = u * column;
+        b->column[1][k] = (u + 1 < nu ? u + 1 : u + 1 - nu) * column;
+        b->column[2][k] = (u + 2 < nu ? u + 2 : u + 2 - nu) * column;
+        b->column[3][k] = (u + 3 < nu ? u + 3 : u + 3 - nu) * column;
+    }
+}
+
+/* Logarithms S of one block where all channels fit in one line: the four lines of a window lie side by side, in two registers. */
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
+block_window_sums(lanes *restrict sum, const block *restrict b, const tsuya_sheen *s, int count)
 {
     const pairs a0 = FOURFOLD(1.0f, 4.0f), a1 = FOURFOLD(-3.0f, 0.0f), a2 = FOURFOLD(3.0f, -6.0f), a3 = FOURFOLD(-1.0f, 3.0f);
     const pairs b0 = FOURFOLD(1.0f, 0.0f), b1 = FOURFOLD(3.0f, 0.0f), b2 = FOURFOLD(3.0f, 0.0f), b3 = FOURFOLD(-3.0f, 1.0f);
-    const int row = (s->nv + 3) * LANES, layer = s->nu * row, deep = s->nd > 0 ? 4 : 1;
+    const int layer = s->nu * (s->nv + 3) * LANES, deep = s->nd > 0 ? 4 : 1;
+    const float *net = s->net;
     for (int k = 0; k < count; ++k) {
-        float wu[4], wd[4] = {1.0f};
-        int u = interval_of(b->u[k], s->nu), v = interval_of(b->v[k], s->nv), d = s->nd > 0 ? interval_of(b->d[k], s->nd) : 0;
-        cubic(wu, b->u[k] - (float)u);
-        if (s->nd > 0) {
-            cubic(wd, b->d[k] - (float)d);
-        }
+        const float *p0 = net + b->corner[k] + b->column[0][k], *p1 = net + b->corner[k] + b->column[1][k];
+        const float *p2 = net + b->corner[k] + b->column[2][k], *p3 = net + b->corner[k] + b->column[3][k];
+        float w0 = b->wu[0][k], w1 = b->wu[1][k], w2 = b->wu[2][k], w3 = b->wu[3][k];
         pairs first = {0}, last = {0};
-        for (int m = 0; m < deep; ++m) {
-            for (int i = 0; i < 4; ++i) {
-                int around = u + i < s->nu ? u + i : u + i - s->nu;
-                const float *p = s->net + (d + m) * layer + around * row + v * LANES, w = wd[m] * wu[i];
-                first += *(const pairs *)p * w;
-                last += *(const pairs *)(p + 8) * w;
-            }
+        for (int m = 0, at = 0; m < deep; ++m, at += layer) {
+            pairs near = *(const pairs *)(p0 + at) * w0, far = *(const pairs *)(p0 + at + 8) * w0;
+            near += *(const pairs *)(p1 + at) * w1;
+            far += *(const pairs *)(p1 + at + 8) * w1;
+            near += *(const pairs *)(p2 + at) * w2;
+            far += *(const pairs *)(p2 + at + 8) * w2;
+            near += *(const pairs *)(p3 + at) * w3;
+            far += *(const pairs *)(p3 + at + 8) * w3;
+            first += near * b->wd[m][k];
+            last += far * b->wd[m][k];
         }
-        float f = b->v[k] - (float)v;
+        float f = b->v[k];
         first = first * CUBIC(a0, a1, a2, a3, f) + last * CUBIC(b0, b1, b2, b3, f);
+        sum[k] = __builtin_shufflevector(first, first, 0, 1, 2, 3) + __builtin_shufflevector(first, first, 4, 5, 6, 7);
+    }
+}
+
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
+block_planes(float *restrict log_value, const lanes *restrict sum, int count)
+{
+    for (int k = 0; k < count; ++k) {
         for (int c = 0; c < LANES; ++c) {
-            log_value[c * BLOCK + k] = first[c] + first[c + 4];
+            log_value[c * BLOCK + k] = sum[k][c] * (1.0f / 6.0f); /* what the weights round φ are short of */
         }
     }
+}
+
+static void block_net_of_four(float *log_value, const block *b, const tsuya_sheen *s, int count)
+{
+    lanes sum[BLOCK];
+    block_window_sums(sum, b, s, count);
+    block_planes(log_value, sum, count);
 }
 
 /* Logarithms S of one block, four channels at a time. */
@@ -151,7 +221,7 @@ block_net(float *restrict log_value, const block *b, const tsuya_sheen *s, int c
     }
 }
 
-TSUYA_CLONES("arch=x86-64-v3", "default") static void
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
 block_values(float *restrict value, const block *b, const float *restrict log_value, float warp, float weft, float matte, int count)
 {
 #pragma omp simd
@@ -160,22 +230,42 @@ block_values(float *restrict value, const block *b, const float *restrict log_va
     }
 }
 
+/* The same where there is no net. */
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
+block_values_alone(float *restrict value, const block *b, float warp, float weft, float matte, int count)
+{
+#pragma omp simd
+    for (int k = 0; k < count; ++k) {
+        value[k] = (warp * b->warp[k] + weft * b->weft[k] + matte) * b->falloff[k];
+    }
+}
+
 void tsuya_sheen_eval_batch(const void *sheen, int channels, const tsuya_direction_batch *batch, float *value)
 {
     const tsuya_sheen *s = sheen;
     block b;
     float log_value[LANES * BLOCK];
-    memset(log_value, 0, sizeof log_value);
     for (int from = 0; from < batch->count; from += BLOCK) {
         int count = batch->count - from < BLOCK ? batch->count - from : BLOCK;
-        block_angles(&b, s, batch, from, count);
+        block_yarn_angles(&b, s, batch, from, count);
         block_yarns(&b, s, count);
+        if (s->nu > 0 && s->line == LANES) {
+            block_net_angles(&b, s, batch, from, count);
+            block_window(&b, s, count);
+            block_net_of_four(log_value, &b, s, count);
+        }
         for (int c = 0; c < channels; ++c) {
-            if (s->nu > 0 && c % LANES == 0) {
-                (s->line == LANES ? block_net_of_four(log_value, &b, s, count) : block_net(log_value, &b, s, c, count));
+            float *to = value + (size_t)c * (size_t)batch->count + from;
+            float warp = (float)s->strength[0][c], weft = (float)s->strength[1][c], matte = (float)s->matte[c];
+            if (s->nu == 0) {
+                block_values_alone(to, &b, warp, weft, matte, count);
+                continue;
             }
-            block_values(value + (size_t)c * (size_t)batch->count + from, &b, log_value + c % LANES * BLOCK, (float)s->strength[0][c],
-                         (float)s->strength[1][c], (float)s->matte[c], count);
+            if (s->line > LANES && c % LANES == 0) {
+                block_net_angles(&b, s, batch, from, count);
+                block_net(log_value, &b, s, c, count);
+            }
+            block_values(to, &b, log_value + c % LANES * BLOCK, warp, weft, matte, count);
         }
     }
 }
