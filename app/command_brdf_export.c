@@ -10,8 +10,29 @@ typedef struct export_input {
     const char *material, *output;
 } export_input;
 
+typedef struct form {
+    const char *extension, *name, *lost; /* lost: said before writing; NULL: nothing but what the figures say */
+    tsuya_status (*write)(tsuya_export_loss *loss, const char *path, const tsuya_material *material);
+} form;
+
+static const form forms[] = {
+    {".bsdf", "RGL", NULL, tsuya_export_rgl},
+    {".binary", "MERL", "a MERL table is isotropic; the cloth's anisotropy is lost, its mean over all turns is written", tsuya_export_merl},
+    {".gltf", "glTF", NULL, tsuya_export_gltf},
+};
+
+static const form *form_of(const char *path)
+{
+    for (size_t k = 0; k < sizeof forms / sizeof *forms; ++k) {
+        if (strcmp(tsuya_path_extension(path), forms[k].extension) == 0) {
+            return &forms[k];
+        }
+    }
+    return NULL;
+}
+
 static const struct argp_option export_options[] = {
-    {"output", 'o', "FILE", 0, "FILE.bsdf (RGL tensors, for Mitsuba 3 and pbrt) or FILE.binary (MERL); default: material.bsdf", 0},
+    {"output", 'o', "FILE", 0, "FILE.bsdf (RGL tensors, for Mitsuba 3 and pbrt), FILE.binary (MERL) or FILE.gltf; default: material.bsdf", 0},
     {0},
 };
 
@@ -20,8 +41,8 @@ static error_t parse_export(int key, char *arg, struct argp_state *state)
     export_input *input = state->input;
     switch (key) {
     case 'o':
-        if (strcmp(tsuya_path_extension(arg), ".bsdf") != 0 && strcmp(tsuya_path_extension(arg), ".binary") != 0) {
-            argp_error(state, "-o %s: expected FILE.bsdf or FILE.binary", arg);
+        if (!form_of(arg)) {
+            argp_error(state, "-o %s: expected FILE.bsdf, FILE.binary or FILE.gltf", arg);
         }
         input->output = arg;
         return 0;
@@ -44,21 +65,21 @@ static tsuya_status export_material(const export_input *input, const tsuya_commo
     tsuya_export_loss loss;
     char *folder = NULL, *file = NULL;
     tsuya_json *out = NULL;
-    const char *path = input->output ? input->output : "material.bsdf", *extension = tsuya_path_extension(path);
-    bool merl = strcmp(extension, ".binary") == 0;
+    const char *path = input->output ? input->output : "material.bsdf";
+    const form *f = form_of(path);
     tsuya_status status;
     TSUYA_GOTO_DONE(status, tsuya_material_load(&m, input->material));
-    TSUYA_GOTO_DONE(status, tsuya_command_output(&folder, &file, path, extension, ""));
-    if (merl) {
-        tsuya_warn("%s: a MERL table is isotropic; the cloth's anisotropy is lost, its mean over all turns is written", file);
+    TSUYA_GOTO_DONE(status, tsuya_command_output(&folder, &file, path, f->extension, ""));
+    if (f->lost) {
+        tsuya_warn("%s: %s", file, f->lost);
     }
-    TSUYA_GOTO_DONE(status, merl ? tsuya_export_merl(&loss, file, m) : tsuya_export_rgl(&loss, file, m));
+    TSUYA_GOTO_DONE(status, f->write(&loss, file, m));
     out = tsuya_json_create_object();
     if (!out) {
         TSUYA_GOTO_DONE(status, TSUYA_ERROR_MEMORY);
     }
     tsuya_json_set_text(out, "file", file);
-    tsuya_json_set_text(out, "format", merl ? "MERL" : "RGL");
+    tsuya_json_set_text(out, "format", f->name);
     tsuya_json_set_number(out, "bytes", loss.bytes);
     tsuya_json_set_number(out, "error_cbrt", loss.cbrt);
     tsuya_json_set_number(out, "de00_median", loss.de00_median);

@@ -12,21 +12,22 @@
 
 enum { PAIRS = 4000 };
 
-static tsuya_vec3 direction(uint64_t stream, int k)
+static tsuya_vec3 direction(uint64_t seed, uint64_t stream, int k)
 {
-    double z = 1.0 - (1.0 - cos(80.0 * M_PI / 180.0)) * tsuya_random_uniform(3, stream, 2 * (uint64_t)k);
-    double phi = 2.0 * M_PI * tsuya_random_uniform(3, stream, 2 * (uint64_t)k + 1), r = sqrt(1.0 - z * z);
+    double z = 1.0 - (1.0 - cos(80.0 * M_PI / 180.0)) * tsuya_random_uniform(seed, stream, 2 * (uint64_t)k);
+    double phi = 2.0 * M_PI * tsuya_random_uniform(seed, stream, 2 * (uint64_t)k + 1), r = sqrt(1.0 - z * z);
     return (tsuya_vec3){r * cos(phi), r * sin(phi), z};
 }
 
-/* Every other pair lies about the mirror direction, where cloth shines. */
-static void set_pair(tsuya_samples *s, int k)
+void tsuya_export_pairs(tsuya_samples *s, uint64_t seed)
 {
-    s->wi[k] = direction(1, k);
-    s->wo[k] = direction(2, k);
-    if (k % 2) {
-        tsuya_vec3 mirror = {-s->wi[k].x, -s->wi[k].y, s->wi[k].z}, w = tsuya_vec3_unit(tsuya_vec3_mad(mirror, 0.5, s->wo[k]));
-        s->wo[k] = w.z > cos(80.0 * M_PI / 180.0) ? w : mirror;
+    for (int k = 0; k < s->count; ++k) {
+        s->wi[k] = direction(seed, 1, k);
+        s->wo[k] = direction(seed, 2, k);
+        if (k % 2) {
+            tsuya_vec3 mirror = {-s->wi[k].x, -s->wi[k].y, s->wi[k].z}, w = tsuya_vec3_unit(tsuya_vec3_mad(mirror, 0.5, s->wo[k]));
+            s->wo[k] = w.z > cos(80.0 * M_PI / 180.0) ? w : mirror;
+        }
     }
 }
 
@@ -62,8 +63,8 @@ tsuya_status tsuya_export_measure(tsuya_export_loss *loss, const tsuya_material 
     TSUYA_GOTO_DONE(status, tsuya_samples_create(&s, PAIRS, n, m->channel));
     TSUYA_NEW(status, seen, (size_t)PAIRS * (size_t)n);
     TSUYA_NEW(status, difference, PAIRS);
+    tsuya_export_pairs(&s, 3);
     for (int k = 0; k < PAIRS; ++k) {
-        set_pair(&s, k);
         double *truth = s.value + (size_t)k * (size_t)n, *read = seen + (size_t)k * (size_t)n;
         tsuya_material_eval(m, NULL, s.wi[k], s.wo[k], truth);
         reader(read, user, s.wi[k], s.wo[k]);

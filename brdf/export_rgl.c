@@ -14,7 +14,7 @@ enum { TURNS = 33, TILTS = 23, SIDE = 40, FINE_X = 160, FINE_Y = 181, FIELDS = 1
 typedef struct tables {
     const tsuya_material *material;
     int channels;
-    bool spectral;
+    bool spectral, flat; /* flat: one channel without a wavelength, written as a spectrum that is the same everywhere */
     float phi[TURNS], theta[TILTS], nm[TSUYA_MATERIAL_MAX_CHANNELS];
     float *ndf, *value, *luminance; /* FINE_Y × FINE_X; [turn][tilt][channel][y][x]; [turn][tilt][y][x] */
     double floor;
@@ -73,7 +73,7 @@ static void fill_slice(tables *t, int turn, int tilt)
         tsuya_material_eval(t->material, NULL, wi, tsuya_vec3_unit(wo), value);
         double ndf = bilinear(t->ndf, FINE_X, FINE_Y, x, y);
         for (int c = 0; c < t->channels; ++c) {
-            double v = wo.z > 0.0 ? value[c] * wo.z / ndf : 0.0;
+            double v = wo.z > 0.0 ? value[t->flat ? 0 : c] * wo.z / ndf : 0.0;
             t->value[((slice_of(turn, tilt) * (size_t)t->channels + (size_t)c) * SIDE * SIDE) + (size_t)k] = (float)v;
             sum += v * ndf / t->channels;
         }
@@ -97,7 +97,7 @@ static void read_back(double *value, const void *user, tsuya_vec3 wi, tsuya_vec3
     double b = fmin(fmax((theta - (double)t->theta[tilt]) / (double)(t->theta[tilt + 1] - t->theta[tilt]), 0.0), 1.0);
     double ndf = bilinear(t->ndf, FINE_X, FINE_Y, x, y);
     a -= turn;
-    for (int c = 0; c < t->channels; ++c) {
+    for (int c = 0; c < t->material->channel_count; ++c) {
         double sum = 0.0;
         for (int k = 0; k < 4; ++k) {
             size_t slice = slice_of(turn + (k & 1), tilt + (k >> 1)) * (size_t)t->channels + (size_t)c;
@@ -192,8 +192,14 @@ static tsuya_status check_channels(tables *t, const char *path)
         t->spectral &= tsuya_channel_nm(&nm, m->channel[c]);
         t->nm[c] = (float)nm;
     }
+    if (!t->spectral && t->channels == 1) {
+        t->spectral = t->flat = true;
+        t->channels = 2;
+        t->nm[0] = 360.0f;
+        t->nm[1] = 830.0f;
+    }
     if (!t->spectral && (t->channels != 3 || strcmp(m->channel[0], "r") != 0)) {
-        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: RGL files hold r, g, b or wavelengths; the material's first channel is %s", path, m->channel[0]);
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: RGL files hold r, g, b, wavelengths or one channel; the material's first of several is %s", path, m->channel[0]);
     }
     return TSUYA_OK;
 }

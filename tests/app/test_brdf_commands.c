@@ -1,4 +1,4 @@
-/* The commands `tsuya brdf plot | compare` from outside, and the places of readings in their pictures. */
+/* The commands `tsuya brdf plot | predict | plan | compare | export` from outside, and the places of readings in their pictures. */
 #include "support.h"
 
 #include "app/brdf_plot.h"
@@ -144,6 +144,31 @@ static void test_directions_find_their_stage_angles(void **state)
     }
 }
 
+/* The stage beyond 180° shows the same facet from the other side: the point stands there with the cosine of the lamp that would shine. */
+static void test_folded_points_take_the_other_cosine(void **state)
+{
+    (void)state;
+    static const char table[] = "# quantity=brdf\n# light_theta_deg=30\n# light_phi_deg=0\n# view_theta_deg=30\n# view_phi_deg=180\nazimuth_deg,tilt_deg,r,g,b\n"
+                                "20,-15,0.2,0.2,0.2\n200,-15,0.2,0.2,0.2\n200,25,0.1,0.1,0.1\n315,40,0.3,0.3,0.3\n";
+    tsuya_samples stage;
+    tsuya_plot_data data;
+    tsuya_brdf_picture picture = {.samples = &stage};
+    assert_ok(tsuya_file_write(test_path("fold.csv"), table, sizeof table - 1));
+    assert_ok(tsuya_samples_load(&stage, test_path("fold.csv")));
+    assert_true(tsuya_plot_bench_of(&picture.bench, &stage));
+    assert_ok(tsuya_plot_data_create(&data, &picture));
+    assert_int_equal(data.count, 4);
+    const double f[4] = {0.2, 0.2, 0.1, 0.3}, azimuth[4] = {20, 20, 20, 135}, tilt[4] = {-15, 15, -25, -40};
+    for (int k = 0; k < 4; ++k) {
+        tsuya_vec3 lamp = tsuya_goniometer_direction(30, 0, azimuth[k], tilt[k]); /* of the place where the point is drawn */
+        assert_near(data.point[k].azimuth_deg, azimuth[k], 1e-9);
+        assert_near(data.point[k].tilt_deg, tilt[k], 1e-9);
+        assert_near(data.point[k].intensity, f[k] * lamp.z, 1e-9);
+    }
+    tsuya_plot_data_free(&data);
+    tsuya_samples_free(&stage);
+}
+
 static void test_predict_writes_a_material(void **state)
 {
     (void)state;
@@ -177,11 +202,32 @@ static void test_compare_draws_and_takes_spectra(void **state)
     assert_int_equal(run("brdf compare bench.csv --channels xyz"), 2);
 }
 
+static void test_export_states_its_loss(void **state)
+{
+    (void)state;
+    assert_int_equal(run("brdf export grey.json -o out/grey.bsdf --json rgl.json && cat rgl.json"), 0);
+    assert_says("\"format\": \"RGL\"");
+    assert_says("\"error_cbrt\": 0.00");
+    assert_int_equal(run("brdf export grey.json -o out/grey.gltf && cat out/grey.gltf"), 0);
+    assert_says("de00_p95");
+    assert_says("KHR_materials_anisotropy");
+    assert_int_equal(run("brdf export grey.json -o out/grey.binary && ls -A out"), 0);
+    assert_says("the cloth's anisotropy is lost");
+    assert_null(strstr(output, ".tmp"));
+    assert_refused("brdf export none.json -o out/none.bsdf", "none.json");
+    assert_int_equal(run("brdf export grey.json -o out/grey.obj"), 2);
+    assert_says("expected FILE.bsdf, FILE.binary or FILE.gltf");
+    assert_int_equal(run("brdf export grey.json grey.json"), 2);
+    assert_int_equal(run("brdf export"), 2);
+    assert_says("MATERIAL.json is missing");
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_plot_draws_three_figures), cmocka_unit_test(test_plot_refuses), cmocka_unit_test(test_directions_find_their_stage_angles),
-        cmocka_unit_test(test_predict_writes_a_material), cmocka_unit_test(test_plan_writes_stage_angles), cmocka_unit_test(test_compare_draws_and_takes_spectra),
+        cmocka_unit_test(test_folded_points_take_the_other_cosine),
+        cmocka_unit_test(test_predict_writes_a_material), cmocka_unit_test(test_plan_writes_stage_angles), cmocka_unit_test(test_compare_draws_and_takes_spectra), cmocka_unit_test(test_export_states_its_loss),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }

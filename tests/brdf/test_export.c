@@ -5,16 +5,19 @@
 #include "brdf/measured_bsdf.h"
 #include "brdf/samples.h"
 #include "core/context.h"
+#include "core/json.h"
 #include "core/memory.h"
 #include "support.h"
 
-static tsuya_material *cloth(double weft, double warp)
+static tsuya_material *surface(double weft, double warp, const double strength[3])
 {
-    static const double strength[3] = {0.3, 0.2, 0.1}, dye[3] = {0.1, 0.2, 0.3};
+    static const double dye[3] = {0.1, 0.2, 0.3};
     tsuya_material *m;
     assert_ok(tsuya_material_ggx(&m, weft, warp, strength, 1.5, dye));
     return m;
 }
+
+static tsuya_material *cloth(double weft, double warp) { return surface(weft, warp, (const double[3]){0.3, 0.2, 0.1}); }
 
 static void test_rgl(void **state)
 {
@@ -130,6 +133,32 @@ static void test_rgl_as_a_renderer_reads_it(void **state)
     tsuya_material_free(m);
 }
 
+/* One channel without a wavelength, as a Klems matrix has: a level spectrum for renderers that know nothing else. */
+static void test_rgl_of_one_channel(void **state)
+{
+    (void)state;
+    static const char grey[] = "{\"format\": \"tsuya material\", \"version\": \"1.0\", \"name\": \"grey\", \"model\": \"lambert\", \"channels\": [\"visible\"], "
+                               "\"dye\": {\"reflectance\": [0.3], \"coupling\": \"lambert\"}, \"parameters\": {}}";
+    tsuya_material *m;
+    tsuya_export_loss loss;
+    assert_ok(tsuya_material_parse(&m, grey, "grey"));
+    assert_ok(tsuya_export_rgl(&loss, test_path("c.bsdf"), m));
+    assert_true(loss.cbrt < 0.01);
+    measured_bsdf *b = measured_bsdf_open(test_path("c.bsdf"));
+    assert_non_null(b);
+    assert_int_equal(measured_bsdf_channels(b), 2);
+    assert_true(measured_bsdf_wavelengths(b)[0] <= 380.0f && measured_bsdf_wavelengths(b)[1] >= 780.0f);
+    for (uint64_t k = 0; k < 100; ++k) {
+        double value[2];
+        measured_bsdf_eval(value, b, to_75_degrees(5, k), to_75_degrees(6, k));
+        assert_near(value[0], 0.3 / M_PI, 0.02 * 0.3 / M_PI);
+        assert_near(value[1], value[0], 1e-12);
+    }
+    assert_fails(tsuya_export_gltf(&loss, test_path("c.gltf"), m), "the material's first channel is visible");
+    measured_bsdf_close(b);
+    tsuya_material_free(m);
+}
+
 static double merl_at(const char *bytes, double th, double td, double pd)
 {
     double value;
@@ -163,6 +192,37 @@ static void test_merl(void **state)
     tsuya_material_free(long_one);
 }
 
+static const tsuya_json *extension(const tsuya_json *root, const char *name)
+{
+    return tsuya_json_member(tsuya_json_member(tsuya_json_element(tsuya_json_member(root, "materials"), 0), "extensions"), name);
+}
+
+/* GGX fibres of refractive index 1.5 are within what glTF can say: both roughnesses come back, and the rougher axis. */
+static void test_gltf(void **state)
+{
+    (void)state;
+    static const double alphas[][2] = {{0.5, 0.2}, {0.2, 0.5}, {0.35, 0.35}};
+    for (int k = 0; k < 3; ++k) {
+        tsuya_material *m = surface(alphas[k][0], alphas[k][1], (const double[3]){0.04, 0.04, 0.04});
+        tsuya_export_loss loss;
+        tsuya_json *root;
+        assert_ok(tsuya_export_gltf(&loss, test_path("a.gltf"), m));
+        assert_ok(tsuya_json_load(&root, test_path("a.gltf")));
+        const tsuya_json *pbr = tsuya_json_member(tsuya_json_element(tsuya_json_member(root, "materials"), 0), "pbrMetallicRoughness"), *a = extension(root, "KHR_materials_anisotropy");
+        double roughness = tsuya_json_number_or(tsuya_json_member(pbr, "roughnessFactor"), NAN), strength = tsuya_json_number_or(tsuya_json_member(a, "anisotropyStrength"), NAN);
+        double rotation = tsuya_json_number_or(tsuya_json_member(a, "anisotropyRotation"), NAN);
+        double low = roughness * roughness, high = low + (1.0 - low) * strength * strength;
+        print_message("glTF: %.3f and %.3f turned by %.3f; e_cbrt %.4f, CIEDE2000 %.2f / %.2f\n", low, high, rotation, loss.cbrt, loss.de00_median, loss.de00_p95);
+        assert_non_null(extension(root, "KHR_materials_sheen"));
+        assert_near(low, fmin(alphas[k][0], alphas[k][1]), 0.05);
+        assert_near(high, fmax(alphas[k][0], alphas[k][1]), 0.05);
+        assert_true(k == 2 || fabs(remainder(rotation - 0.5 * M_PI * k, M_PI)) < 0.03);
+        assert_true(loss.cbrt < 0.05 && loss.bytes > 500.0);
+        tsuya_json_free(root);
+        tsuya_material_free(m);
+    }
+}
+
 static int teardown(void **state)
 {
     (void)state;
@@ -173,6 +233,6 @@ static int teardown(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_rgl), cmocka_unit_test(test_lookup_on_a_real_file), cmocka_unit_test(test_rgl_as_a_renderer_reads_it),
-                                       cmocka_unit_test(test_merl)};
+                                       cmocka_unit_test(test_rgl_of_one_channel), cmocka_unit_test(test_merl), cmocka_unit_test(test_gltf)};
     return cmocka_run_group_tests(tests, NULL, teardown);
 }
