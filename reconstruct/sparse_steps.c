@@ -2,6 +2,7 @@
 
 #include "reconstruct/adjust.h"
 #include "reconstruct/database_adapter.h"
+#include "reconstruct/groups.h"
 #include "reconstruct/match_steps.h"
 #include "reconstruct/scale_step.h"
 #include "reconstruct/undistort.h"
@@ -162,42 +163,45 @@ static void report_missing(const tsuya_reconstruction *r, const tsuya_sparse_mod
     }
 }
 
-/* The mapper's model with most photographs, as sparse/0; the others are named. */
-static tsuya_status keep_largest(tsuya_reconstruction *r, tsuya_json *figures)
+enum { MODELS_MOST = 64 };
+
+static tsuya_status load_models(tsuya_sparse_model model[MODELS_MOST], int *count, const tsuya_reconstruction *r)
 {
-    tsuya_sparse_model best = {0};
-    tsuya_adjust_info adjusted;
-    tsuya_status status = TSUYA_OK;
-    int models = 0;
-    for (;; models++) {
-        const char *folder = tsuya_arena_printf(r->arena, "%s/mapped/%d", r->options->output, models);
+    for (*count = 0; *count < MODELS_MOST; (*count)++) {
+        const char *folder = tsuya_arena_printf(r->arena, "%s/mapped/%d", r->options->output, *count);
         if (!folder || !tsuya_path_exists(folder)) {
             break;
         }
-        tsuya_sparse_model model;
-        TSUYA_GOTO_DONE(status, tsuya_sparse_model_load(&model, folder));
-        if (model.view_count > best.view_count) {
-            tsuya_sparse_model kept = best;
-            best = model;
-            model = kept;
-        }
-        tsuya_sparse_model_free(&model);
+        TSUYA_TRY(tsuya_sparse_model_load(&model[*count], folder));
     }
-    if (models == 0) {
-        status = tsuya_fail(TSUYA_ERROR_INPUT, "%s: no two photographs overlap enough to begin; take more photographs with at least 60 %% overlap",
-                            r->options->photos);
-        goto done;
+    return *count > 0 ? TSUYA_OK
+                      : tsuya_fail(TSUYA_ERROR_INPUT, "%s: no two photographs overlap enough to begin; take more photographs with at least 60 %% overlap",
+                                   r->options->photos);
+}
+
+/* The mapper's model with most photographs, as sparse/0; the others are named, and where they would join it. */
+static tsuya_status keep_largest(tsuya_reconstruction *r, tsuya_json *figures)
+{
+    tsuya_sparse_model model[MODELS_MOST] = {0};
+    tsuya_database database = {0};
+    tsuya_status status;
+    int count = 0, kept = 0;
+    TSUYA_GOTO_DONE(status, load_models(model, &count, r));
+    for (int m = 1; m < count; m++) {
+        kept = model[m].view_count > model[kept].view_count ? m : kept;
     }
-    report_missing(r, &best, models > 1 ? " with the largest group (the set falls apart: photographs between the groups would join them)" : "");
-    tsuya_json_set_number(figures, "models", models);
-    TSUYA_GOTO_DONE(status, tsuya_adjust(&best, &adjusted, &r->colmap, r->options->camera_model != NULL));
-    tsuya_json_set_number(figures, "observations", (double)adjusted.observations);
-    tsuya_json_set_number(figures, "observations_kept", (double)adjusted.kept);
-    tsuya_json_set_number(figures, "feature_sigma_px", adjusted.sigma_px);
-    tsuya_json_set_number(figures, "adjustments", adjusted.rounds);
-    status = tsuya_sparse_model_save_binary(&best, tsuya_scale_unscaled(r));
+    report_missing(r, &model[kept], count > 1 ? " with the largest group" : "");
+    tsuya_json_set_number(figures, "models", count);
+    if (count > 1) {
+        TSUYA_GOTO_DONE(status, tsuya_database_load(&database, tsuya_reconstruction_path(r, "database.db")));
+        TSUYA_GOTO_DONE(status, tsuya_groups_report(tsuya_json_set_array(figures, "groups"), model, count, kept, &database, &r->photos, r->context));
+    }
+    status = tsuya_sparse_model_save_binary(&model[kept], tsuya_scale_unscaled(r));
 done:
-    tsuya_sparse_model_free(&best);
+    for (int m = 0; m < MODELS_MOST; m++) {
+        tsuya_sparse_model_free(&model[m]);
+    }
+    tsuya_database_free(&database);
     return status;
 }
 

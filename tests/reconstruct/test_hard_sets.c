@@ -98,6 +98,37 @@ static void a_photograph_of_something_else_is_left_out(void **state)
     scene_free(&scene);
 }
 
+/* Two subjects in one folder: the larger group is kept, the other named with where it would join. */
+static void two_subjects_fall_apart(void **state)
+{
+    (void)state;
+    scene_pictures scene, other;
+    tsuya_reconstruct_info info;
+    if (!tsuya_process_available("colmap")) {
+        skip();
+    }
+    assert_true(scene_create(&scene, SCENE_SHEET, WIDTH, VIEWS, 0.004));
+    assert_true(scene_create(&other, SCENE_CYLINDER, WIDTH, VIEWS, 0.004));
+    for (int v = 5; v < VIEWS; v++) {
+        float *grey = scene.view[v].grey;
+        scene.view[v].grey = other.view[v].grey;
+        other.view[v].grey = grey;
+    }
+    reconstruct(&info, &scene, test_path("two"));
+    const tsuya_json *groups = tsuya_json_member(tsuya_json_member(info.parts, "mapping"), "groups");
+    print_message("two subjects: %d models, %d of %d placed\n", info.models, info.registered, info.photos);
+    assert_int_equal(info.registered, 5);
+    if (info.models > 1) {
+        const tsuya_json *join = tsuya_json_member(tsuya_json_first(groups), "join");
+        assert_int_equal(tsuya_json_count(groups), info.models - 1);
+        assert_true(strcmp(tsuya_json_text_or(tsuya_json_member(join, "from"), "x"), "view05.png") < 0);
+        assert_true(strcmp(tsuya_json_text_or(tsuya_json_member(join, "to"), ""), "view05.png") >= 0);
+    }
+    tsuya_reconstruct_info_free(&info);
+    scene_free(&scene);
+    scene_free(&other);
+}
+
 static tsuya_status stereo(tsuya_stereo_info *info, const char *folder)
 {
     tsuya_context context = tsuya_context_default();
@@ -156,6 +187,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_full_disk_is_said_and_survived),
+        cmocka_unit_test(two_subjects_fall_apart),
         cmocka_unit_test(a_photograph_of_something_else_is_left_out),
         cmocka_unit_test(a_blurred_third_does_not_stop_the_others),
     };
