@@ -121,14 +121,25 @@ static void tangents(const drape_element *e, const double *x, tsuya_vec3 f[2])
     }
 }
 
+/* Yarns that are pushed buckle within the cloth and push back little (Choi & Ko, "Stable but responsive cloth", 2002). */
+static const double PUSHED = 0.02;
+
+/* Stiffness along weft and warp at these tangents. */
+static void stiffness(double k[2], const drape_state *s, const tsuya_vec3 f[2])
+{
+    k[0] = s->fabric->stretch_weft_n_m * (tsuya_vec3_dot(f[0], f[0]) < 1.0 ? PUSHED : 1.0);
+    k[1] = s->fabric->stretch_warp_n_m * (tsuya_vec3_dot(f[1], f[1]) < 1.0 ? PUSHED : 1.0);
+}
+
 /* Green's strain and the tensions that belong to it. */
 static double tensions(const drape_state *s, const tsuya_vec3 f[2], double tension[3])
 {
-    const tsuya_drape_fabric *c = s->fabric;
+    double k[2];
+    stiffness(k, s, f);
     double uu = 0.5 * (tsuya_vec3_dot(f[0], f[0]) - 1.0), vv = 0.5 * (tsuya_vec3_dot(f[1], f[1]) - 1.0), uv = tsuya_vec3_dot(f[0], f[1]);
-    tension[0] = c->stretch_weft_n_m * uu;
-    tension[1] = c->stretch_warp_n_m * vv;
-    tension[2] = c->shear_n_m * uv;
+    tension[0] = k[0] * uu;
+    tension[1] = k[1] * vv;
+    tension[2] = s->fabric->shear_n_m * uv;
     return 0.5 * (tension[0] * uu + tension[1] * vv + tension[2] * uv);
 }
 
@@ -217,15 +228,16 @@ static void positive_part(double t[3])
 static void stretch_block(double block[3][3], const drape_state *s, const drape_element *e, const tsuya_vec3 f[2], const double tension[3],
                           int i, int j)
 {
-    const tsuya_drape_fabric *c = s->fabric;
+    double k[2];
+    stiffness(k, s, f);
     double ui = e->gradient[i][0], vi = e->gradient[i][1], uj = e->gradient[j][0], vj = e->gradient[j][1];
     const double *a = &f[0].x, *b = &f[1].x;
     double along = tension[0] * ui * uj + tension[1] * vi * vj + tension[2] * (ui * vj + vi * uj);
     for (int p = 0; p < 3; p++) {
         for (int q = 0; q < 3; q++) {
             double shear_p = vi * a[p] + ui * b[p], shear_q = vj * a[q] + uj * b[q];
-            block[p][q] = e->area * (c->stretch_weft_n_m * ui * uj * a[p] * a[q] + c->stretch_warp_n_m * vi * vj * b[p] * b[q] +
-                                     c->shear_n_m * shear_p * shear_q + (p == q ? along : 0.0));
+            block[p][q] = e->area * (k[0] * ui * uj * a[p] * a[q] + k[1] * vi * vj * b[p] * b[q] +
+                                     s->fabric->shear_n_m * shear_p * shear_q + (p == q ? along : 0.0));
         }
     }
 }

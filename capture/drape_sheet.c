@@ -56,9 +56,9 @@ tsuya_status tsuya_drape_sheet_grid(tsuya_drape_sheet *s, double u0_m, double v0
     for (int j = 0, t = 0; j < rows; j++) {
         for (int i = 0; i < columns; i++, t += 2) {
             uint32_t a = (uint32_t)(j * (columns + 1) + i), d = a + (uint32_t)columns + 1;
-            bool turned = (i + j) % 2 != 0;
-            set_flat(s, (size_t)t, a, a + 1, turned ? d : d + 1);
-            set_flat(s, (size_t)t + 1, turned ? a + 1 : a, d + 1, d);
+            /* One way everywhere: with diagonals by turns only every second vertex feels the shear, and rows of yarns zigzag. */
+            set_flat(s, (size_t)t, a, a + 1, d + 1);
+            set_flat(s, (size_t)t + 1, a, d + 1, d);
         }
     }
     return TSUYA_OK;
