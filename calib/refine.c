@@ -7,6 +7,8 @@
 
 enum { TONE_TAGS = 20, TONE_ROUNDS = 6, MOST_PASSES = 3 };
 
+static const double SRGB_TONE = 2.2;
+
 typedef struct quad { tsuya_edge edge[4]; } quad;
 typedef struct tag_code { int cells, border_bits; } tag_code;
 
@@ -25,17 +27,17 @@ static void place(quad *q, const tsuya_vec2 corner[4])
     }
 }
 
-static void fit_edge(quad *q, int i, const tsuya_image *grey, const tag_code *code, double tone)
+static void fit_edge(quad *q, int i, const tsuya_image *grey, const tag_code *code, double tone, bool learn)
 {
     tsuya_edge *edge = &q->edge[i];
     double cell_px = depth_between(edge, q->edge[(i + 2) % 4].middle) / code->cells;
-    tsuya_edge_fit(edge, grey, &q->edge[(i + 3) % 4], &q->edge[(i + 1) % 4], code->border_bits * cell_px, cell_px, tone);
+    tsuya_edge_fit(edge, grey, &q->edge[(i + 3) % 4], &q->edge[(i + 1) % 4], code->border_bits * cell_px, cell_px, tone, learn);
 }
 
-static void fit_quad(quad *q, const tsuya_image *grey, const tag_code *code, double tone)
+static void fit_quad(quad *q, const tsuya_image *grey, const tag_code *code, double tone, bool learn)
 {
     for (int i = 0; i < 4; i++) {
-        fit_edge(q, i, grey, code, tone);
+        fit_edge(q, i, grey, code, tone, learn);
     }
 }
 
@@ -91,7 +93,7 @@ static double follow(tsuya_vec2 corner[4], const quad *q)
 }
 
 /* Fits until the strips lie where the edges are and are as wide as the blur asks. */
-static void settle(quad *q, tsuya_vec2 corner[4], const tsuya_image *grey, const tag_code *code, double tone)
+static void settle(quad *q, tsuya_vec2 corner[4], const tsuya_image *grey, const tag_code *code, double tone, bool learn)
 {
     for (int pass = 0; pass < MOST_PASSES; pass++) {
         double blur[4], change = 0.0;
@@ -99,7 +101,7 @@ static void settle(quad *q, tsuya_vec2 corner[4], const tsuya_image *grey, const
             blur[i] = q->edge[i].p[EDGE_BLUR];
         }
         place(q, corner);
-        fit_quad(q, grey, code, tone);
+        fit_quad(q, grey, code, tone, learn);
         for (int i = 0; i < 4; i++) {
             change = q->edge[i].reason == TSUYA_REFINE_FINE ? fmax(change, fabs(q->edge[i].p[EDGE_BLUR] / blur[i] - 1.0)) : change;
         }
@@ -130,7 +132,7 @@ static void refine_tag(tsuya_refined_tag *tag, const tsuya_tag_sighting *sightin
     quad q = {0};
     memcpy(tag->corner_px, sighting->corner_px, sizeof tag->corner_px);
     start_blur(&q, blur_px);
-    settle(&q, tag->corner_px, grey, code, tone);
+    settle(&q, tag->corner_px, grey, code, tone, false);
     for (int i = 0; i < 4; i++) {
         if (!corner_of(&tag->corner_px[i], &tag->sigma_px[i], &q, i)) {
             tag->sigma_px[i] = INFINITY;
@@ -199,10 +201,13 @@ tsuya_refine_tone tsuya_refine_estimate_tone(const tsuya_image *grey, const tsuy
         memcpy(corner[t], sighting[(size_t)t * (size_t)count / (size_t)used].corner_px, sizeof corner[t]);
         start_blur(&q[t], 0.8);
     }
+    if (grey->encoding == TSUYA_ENCODING_SRGB) {
+        tone.gamma = SRGB_TONE; /* near by; the rounds go on from there */
+    }
     for (int round = 0; round < TONE_ROUNDS; round++) {
 #pragma omp parallel for schedule(static)
         for (int t = 0; t < used; t++) {
-            settle(&q[t], corner[t], grey, &code, tone.gamma);
+            settle(&q[t], corner[t], grey, &code, tone.gamma, true);
         }
         tone.blur_px = sharp_blur(q, used);
         double step = tone_step(&tone.sigma, q, used, 1.3 * tone.blur_px);

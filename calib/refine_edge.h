@@ -22,8 +22,9 @@ typedef struct tsuya_edge {
 void tsuya_edge_place(tsuya_edge *edge, tsuya_vec2 from, tsuya_vec2 to);
 /* Point of the fitted curve at u, and its derivative by u. */
 tsuya_vec2 tsuya_edge_point(const tsuya_edge *edge, double u, tsuya_vec2 *derivative);
-/* Fits edge number `i` of a quadrilateral whose edges are placed.  `inner_px`, `outer_px`: how far black and white reach. */
+/* Fits edge number `i` of a quadrilateral whose edges are placed.  `inner_px`, `outer_px`: how far black and white reach.  `learn_tone`:
+ * tone_step and tone_variance are wanted. */
 void tsuya_edge_fit(tsuya_edge *edge, const tsuya_image *grey, const tsuya_edge *before, const tsuya_edge *after, double inner_px,
-                    double outer_px, double tone);
+                    double outer_px, double tone, bool learn_tone);
 
 #endif
