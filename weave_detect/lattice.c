@@ -105,14 +105,63 @@ static double miss_bins_squared(const tsuya_spectrum *s, const tsuya_basis *b, c
     return square(dx, dy) * s->n * s->n;
 }
 
-static float explained_share(const tsuya_spectrum *s, const tsuya_basis *b, const tsuya_step *step)
+/* What the peaks say about a lattice: the share of their levels that lies on it, and the highest of those that do not. */
+typedef struct strangers {
+    float explained, any, fine, slow; /* fine: near what pixels just carry; slow: coarser than both families' threads */
+    float part;                       /* of those of which a family is a multiple */
+    float printed;                    /* share that a print explains too: multiples of the highest stranger, and the lattice shifted by them */
+} strangers;
+
+/* The family is a multiple, 2 … 5, of the peak. */
+static bool is_multiple(const tsuya_spectrum *s, const double f[2], const tsuya_peak *p)
 {
-    double explained = 0.0, all = 1e-6;
-    for (int i = 0; i < s->peak_count; i++) {
-        all += (double)s->peak[i].level;
-        explained += miss_bins_squared(s, b, step, &s->peak[i]) < 1.0 ? (double)s->peak[i].level : 0.0;
+    double px = (double)p->fx, py = (double)p->fy, times = rint((f[0] * px + f[1] * py) / (px * px + py * py));
+    return fabs(times) >= 2.0 && fabs(times) <= 5.0 && square(f[0] - times * px, f[1] - times * py) * s->n * s->n < 1.0;
+}
+
+static bool is_printed(const tsuya_spectrum *s, const tsuya_basis *b, const tsuya_step *step, const tsuya_peak *p, const tsuya_peak *stripes)
+{
+    double px = (double)stripes->fx, py = (double)stripes->fy, times = rint(((double)p->fx * px + (double)p->fy * py) / (px * px + py * py));
+    if (square((double)p->fx - times * px, (double)p->fy - times * py) * s->n * s->n < 1.0) {
+        return true;
     }
-    return (float)(explained / all);
+    for (int k = -2; k <= 2; k++) {
+        tsuya_peak shifted = {p->fx + (float)k * stripes->fx, p->fy + (float)k * stripes->fy, p->level};
+        if (k != 0 && miss_bins_squared(s, b, step, &shifted) < 1.0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static strangers find_strangers(const tsuya_spectrum *s, const tsuya_basis *b, const tsuya_step *step)
+{
+    strangers out = {0};
+    const tsuya_peak *highest = NULL;
+    bool on[TSUYA_PEAKS];
+    float all = 1e-6f, ff = (float)fmin(square(b->f[0][0], b->f[0][1]), square(b->f[1][0], b->f[1][1]));
+    for (int i = 0; i < s->peak_count; i++) {
+        const tsuya_peak *p = &s->peak[i];
+        all += p->level;
+        if (p->level > out.part && (is_multiple(s, b->f[0], p) || is_multiple(s, b->f[1], p))) {
+            out.part = p->level;
+        }
+        on[i] = miss_bins_squared(s, b, step, p) < 1.0;
+        if (on[i]) {
+            out.explained += p->level;
+            continue;
+        }
+        highest = highest ? highest : p; /* they are sorted */
+        out.fine = p->level > out.fine && (fabsf(p->fx) > 0.4f || p->fy > 0.4f) ? p->level : out.fine;
+        out.slow = p->level > out.slow && p->fx * p->fx + p->fy * p->fy < 0.5f * ff ? p->level : out.slow;
+    }
+    out.any = highest ? highest->level : 0.0f;
+    for (int i = 0; i < s->peak_count; i++) {
+        out.printed += on[i] || is_printed(s, b, step, &s->peak[i], highest) ? s->peak[i].level : 0.0f;
+    }
+    out.explained /= all;
+    out.printed /= all;
+    return out;
 }
 
 static void choose_step(tsuya_basis *b, const tsuya_spectrum *s, double *mean, double *best, double *second)
@@ -160,6 +209,26 @@ static void describe_points(float *feature, const tsuya_basis *b, const tsuya_sp
     }
 }
 
+static float wrapped_level(const tsuya_spectrum *s, double fx, double fy)
+{
+    return tsuya_spectrum_level(s, 0.9999 * (fx - rint(fx)), 0.9999 * (fy - rint(fy)));
+}
+
+/* Signs of what is no cloth, or finer cloth than pixels carry. */
+static void describe_doubts(float *feature, const tsuya_basis *b, const tsuya_spectrum *s, const strangers *out)
+{
+    double ux = 0.5 * (b->f[0][0] + b->f[1][0]), uy = 0.5 * (b->f[0][1] + b->f[1][1]);
+    double vx = 0.5 * (b->f[0][0] - b->f[1][0]), vy = 0.5 * (b->f[0][1] - b->f[1][1]);
+    float both = high(wrapped_level(s, ux + 0.5, uy + 0.5), wrapped_level(s, vx + 0.5, vy + 0.5));
+    float one = high(high(wrapped_level(s, ux + 0.5, uy), wrapped_level(s, ux, uy + 0.5)), high(wrapped_level(s, vx + 0.5, vy), wrapped_level(s, vx, vy + 0.5)));
+    float middle = tsuya_spectrum_noise(s, 0.2, 0.0), fine = tsuya_spectrum_noise(s, 0.45, 0.0);
+    const float list[8] = {
+        LEVEL_SCALE * both, LEVEL_SCALE * one, LEVEL_SCALE * out->any, LEVEL_SCALE * out->fine, LEVEL_SCALE * out->slow,
+        LEVEL_SCALE * out->part, out->printed, 0.25f * logf(middle / fine),
+    };
+    memcpy(feature, list, sizeof list);
+}
+
 static void describe(tsuya_basis *b, const tsuya_spectrum *s, float top, bool inferred)
 {
     double mean = 0.0, best = 0.0, margin;
@@ -169,7 +238,8 @@ static void describe(tsuya_basis *b, const tsuya_spectrum *s, float top, bool in
         memcpy(b->f[1], first, sizeof first);
     }
     choose_step(b, s, &mean, &best, &margin);
-    const tsuya_step *step = &tsuya_steps[b->step];
+    strangers out = find_strangers(s, b, &tsuya_steps[b->step]);
+    int repeat = tsuya_steps[b->step].repeat;
     float a[4], c[4];
     for (int k = 1; k <= 3; k++) {
         a[k] = LEVEL_SCALE * level_at(s, b, k, 0);
@@ -188,14 +258,15 @@ static void describe(tsuya_basis *b, const tsuya_spectrum *s, float top, bool in
     float beside = LEVEL_SCALE * 0.5f * (level_at(s, b, 1, 2) + level_at(s, b, 1, -2));
     const float feature[36] = {
         a[1], c[1], a[2], c[2], a[3], c[3], high(up, down), low(up, down), half[0], half[1], thirds[0], thirds[1], next, beside,
-        LEVEL_SCALE * (float)mean, LEVEL_SCALE * (float)best, LEVEL_SCALE * (float)fmin(margin, 20.0), explained_share(s, b, step),
+        LEVEL_SCALE * (float)mean, LEVEL_SCALE * (float)best, LEVEL_SCALE * (float)fmin(margin, 20.0), out.explained,
         (float)(4.0 * dot * dot), (float)(ratio * ratio), (float)log(6.0 * length[0]), (float)log(6.0 * length[1]),
-        LEVEL_SCALE * top, size_feature(s), step->repeat == 2, step->repeat == 3, step->repeat == 4, step->repeat == 5, step->repeat == 8,
+        LEVEL_SCALE * top, size_feature(s), repeat == 2, repeat == 3, repeat == 4, repeat == 5, repeat == 8,
         0.3f * along[0], 0.3f * along[1], 0.3f * high(between[0], between[1]), 0.3f * low(between[0], between[1]),
         a[1] - LEVEL_SCALE * top, 0.1f * (float)s->peak_count, inferred ? 1.0f : 0.0f,
     };
     memcpy(b->feature, feature, sizeof feature);
     describe_points(b->feature + 36, b, s);
+    describe_doubts(b->feature + 48, b, s, &out);
 }
 
 typedef struct pair {
@@ -331,6 +402,7 @@ TSUYA_CLONES("avx2", "default") __attribute__((flatten)) static void list_bases(
     bases->none_feature[22] = LEVEL_SCALE * top;
     bases->none_feature[23] = size_feature(s);
     bases->none_feature[34] = 0.1f * (float)s->peak_count;
+    bases->none_feature[55] = 0.25f * logf(tsuya_spectrum_noise(s, 0.2, 0.0) / tsuya_spectrum_noise(s, 0.45, 0.0));
 }
 
 void tsuya_bases_list(tsuya_bases *bases, const tsuya_spectrum *spectrum) { list_bases(bases, spectrum); }

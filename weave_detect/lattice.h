@@ -6,6 +6,10 @@
  * points, and the lattice alone cannot say which pair is the threads: a plain weave's diagonals span it as well as its threads
  * do.  What does say it is how strong each kind of peak is: threads are continuous and have harmonics, interlacing has not.
  *
+ * Threads finer than two pixels are seen at f − k, k whole.  Their points then fit a lattice too, all but the interlacing: half of
+ * k1 + k2 need not be whole, and a point ½f1 + ½f2 stands half a cycle from where the seen lattice has it.  Stripes of a print are peaks
+ * outside the lattice, or peaks of which a family is a multiple.
+ *
  * Every pair of peaks (and of their sums and differences) that can be two threads is described by the levels at the points that
  * matter, and a small network weighs them (lattice_weights.h).  A soft maximum over the pairs, with one more alternative that
  * means "none of these", makes the weights probabilities. */
@@ -15,7 +19,7 @@
 #include "weave_detect/spectrum.h"
 #include "weave_detect/threads.h"
 
-enum { TSUYA_FEATURES = 48, TSUYA_BASES = 40, TSUYA_HIDDEN = 32, TSUYA_STEPS = 9, TSUYA_FEATURE_MARGIN = 16 };
+enum { TSUYA_FEATURES = 56, TSUYA_BASES = 40, TSUYA_HIDDEN = 32, TSUYA_STEPS = 9, TSUYA_FEATURE_MARGIN = 16 };
 
 /* How the threads interlace: repeat n and step s. */
 typedef struct tsuya_step {

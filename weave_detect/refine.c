@@ -7,7 +7,7 @@
 #include <string.h>
 
 static const float TONE_LEVEL = 1.8f;      /* ln(1 + power/noise) of a point that is worth fitting */
-static const double RIM = 0.04;            /* of the side on which the window rises */
+static const double RIM = 0.015;            /* of the side on which the window rises */
 static const double STRAY_BINS = 0.6;      /* a tone that is farther than that from where the lattice has it is given up */
 static const double STRAY_SIGMAS = 2.5;
 static const int REACH = 3;                /* lattice points up to |a| ≤ 3 are looked at */

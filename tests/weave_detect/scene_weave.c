@@ -113,10 +113,10 @@ static thread nearest_thread(const weave_loom *l, int family, double at, double 
 static double centre_line(double *slope, const weave_cloth *c, int family, int index, double along)
 {
     int before = (int)floor(along);
-    double t = along - before, h[2];
+    double t = along - before, h[2], crimp = c->crimp * (1.0 + (family == 0 ? -c->balance : c->balance));
     for (int k = 0; k < 2; k++) {
         bool warp_over = family == 0 ? weave_warp_over(c->draft, index, before + k) : weave_warp_over(c->draft, before + k, index);
-        h[k] = (family == 0) == warp_over ? -c->crimp : c->crimp;
+        h[k] = (family == 0) == warp_over ? -crimp : crimp;
     }
     if (h[0] == h[1]) {
         *slope = 0.0;
@@ -205,6 +205,42 @@ static int make_kernel(float *kernel, double s)
     return half;
 }
 
+/* Adds `value` at a fine sample, shared among the four around. */
+static void put(float *fine, int side, double x, double y, double value)
+{
+    int i = (int)floor(x), j = (int)floor(y);
+    double u = x - i, v = y - j;
+    if (i < 0 || j < 0 || i + 1 >= side || j + 1 >= side) {
+        return;
+    }
+    float *p = fine + (size_t)j * (size_t)side + (size_t)i;
+    p[0] += (float)(value * (1.0 - u) * (1.0 - v));
+    p[1] += (float)(value * u * (1.0 - v));
+    p[side] += (float)(value * (1.0 - u) * v);
+    p[side + 1] += (float)(value * u * v);
+}
+
+/* Bent fibre ends of a few periods' length, in all directions, some bright and some in their own shadow. */
+static void draw_hairs(float *fine, int side, const weave_cloth *c)
+{
+    double period = sqrt(c->weft_px * c->warp_px) * FINE;
+    int count = (int)(0.35 * side * side / (period * period));
+    for (int k = 0; k < count; k++) {
+        double r[6];
+        for (int q = 0; q < 6; q++) {
+            r[q] = tsuya_random_uniform(c->seed, (uint64_t)(1000 + k), (uint64_t)q);
+        }
+        double x = r[0] * side, y = r[1] * side, angle = 6.283 * r[2], bend = (r[3] - 0.5) / period, length = period * (0.7 + 3.0 * r[4]);
+        double value = c->hair * (r[5] - 0.35);
+        for (double s = 0.0; s < length; s += 1.0) {
+            put(fine, side, x, y, value * sin(M_PI * s / length));
+            x += cos(angle);
+            y += sin(angle);
+            angle += bend;
+        }
+    }
+}
+
 void weave_draw_clean(float *values, int n, const weave_cloth *cloth, const weave_camera *camera)
 {
     int side = (n + 2 * MARGIN_PX) * FINE;
@@ -223,6 +259,9 @@ void weave_draw_clean(float *values, int n, const weave_cloth *cloth, const weav
         for (int i = 0; i < side; i++, pick += pick_step, end += end_step) {
             fine[(size_t)j * (size_t)side + (size_t)i] = (float)weave_brightness(&loom, pick, end);
         }
+    }
+    if (cloth->hair > 0.0) {
+        draw_hairs(fine, side, cloth);
     }
     for (int j = 0; j < side; j++) {
         for (int x = 0; x < n; x++) {
@@ -376,4 +415,22 @@ void weave_random_rough(weave_cloth *cloth, weave_camera *camera, uint64_t seed,
     cloth->uneven = 0.15 * cloth->rough;
     cloth->fibre = 0.25 * tsuya_random_uniform(seed, index, 31);
     camera->contrast = fmax(camera->contrast, 1.0);
+}
+
+void weave_random_spun(weave_cloth *cloth, weave_camera *camera, uint64_t seed, uint64_t index)
+{
+    double r[8];
+    weave_random_rough(cloth, camera, seed, index);
+    for (int k = 0; k < 8; k++) {
+        r[k] = tsuya_random_uniform(seed, index, (uint64_t)(40 + k));
+    }
+    cloth->rough *= 0.7;
+    cloth->uneven = 0.1 * cloth->rough;
+    cloth->hair = r[0] * r[0];
+    cloth->balance = 1.8 * r[1] - 0.9;
+    cloth->weft_px = 3.2 * pow(4.0, r[2]);
+    cloth->warp_px = fmin(fmax(cloth->weft_px * pow(2.2, 2.0 * r[3] - 1.0), 3.0), 14.0);
+    cloth->fill = 0.8 + 0.25 * r[4];
+    cloth->crimp = 0.3 + 0.6 * r[5];
+    camera->blur_px = fmin(0.3 + 0.15 * r[6] * fmin(cloth->weft_px, cloth->warp_px), 1.2);
 }

@@ -29,10 +29,12 @@ typedef struct weave_cloth {
     double weft_px, warp_px;    /* from thread to thread, at right angles to them */
     double weft_phase, warp_phase;
     double fill;                /* width of a thread over its period: 1 closed, 0.6 open */
-    double crimp;               /* height of the wave of a thread's centre line over its radius */
+    double crimp;               /* height of the wave of a thread's centre line over its radius, mean of the families */
+    double balance;             /* −1 … 1: the warp's crimp is (1 + balance) times that, the weft's (1 − balance): ribs */
     double uneven;              /* standard deviation of thread positions and widths, of a period */
     double fibre;               /* contrast of the fibres */
     double rough;               /* 0: machine-made; 1: as hand-spun linen: slubs, threads that wander and differ in brightness */
+    double hair;                /* contrast of loose fibre ends that lie across the threads */
     double lamp_azimuth_deg, lamp_height_deg;
     double weft_albedo, warp_albedo, ground;
     uint64_t seed;              /* of threads and fibres */
@@ -79,5 +81,7 @@ void weave_bound(double *weft_rad, double *warp_rad, int n, const weave_cloth *c
 void weave_random(weave_cloth *cloth, weave_camera *camera, uint64_t seed, uint64_t index);
 /* The same with rough yarns. */
 void weave_random_rough(weave_cloth *cloth, weave_camera *camera, uint64_t seed, uint64_t index);
+/* Spun yarns as of cotton: hairy, of two thicknesses, one family nearly straight and hidden; softly focused. */
+void weave_random_spun(weave_cloth *cloth, weave_camera *camera, uint64_t seed, uint64_t index);
 
 #endif

@@ -181,7 +181,7 @@ static void test_unresolved_threads_are_unknown(void **state)
         sure += t.confidence >= 0.8;
     }
     printf("one pixel a thread: sure in %d of %d\n", sure, tries);
-    assert_true(sure <= tries / 5); /* the aim is one in twenty */
+    assert_true(sure <= tries / 10); /* the aim is one in twenty; patch by patch in windows: test_hard_cloth */
 }
 
 static void test_every_allocation_may_fail(void **state)
