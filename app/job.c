@@ -35,6 +35,8 @@ static const tsuya_yaml_field render_fields[] = {
     {.key = "size", .kind = TSUYA_YAML_NUMBERS, .offset = offsetof(tsuya_job_render, size)},
     {.key = "color", .kind = TSUYA_YAML_TEXT, .offset = offsetof(tsuya_job_render, color)},
     {.key = "like", .kind = TSUYA_YAML_TEXT, .offset = offsetof(tsuya_job_render, like)},
+    {.key = "lights", .kind = TSUYA_YAML_TEXT, .offset = offsetof(tsuya_job_render, lights)},
+    {.key = "model", .kind = TSUYA_YAML_TEXT, .offset = offsetof(tsuya_job_render, model)},
     {0},
 };
 
@@ -160,6 +162,10 @@ static tsuya_status check_places(const tsuya_job *job)
         TSUYA_TRY(refuse_inside(job, "scale: board", job->scale.board, stage_folder));
         TSUYA_TRY(refuse_inside(job, "camera: board", job->camera.board, stage_folder));
         TSUYA_TRY(refuse_inside(job, "camera: photos", job->camera.photos, stage_folder));
+        for (int r = 0; r < job->render.count; r++) {
+            TSUYA_TRY(refuse_inside(job, "render: lights", tsuya_job_render_at(job, r)->lights, stage_folder));
+            TSUYA_TRY(refuse_inside(job, "render: model", tsuya_job_render_at(job, r)->model, stage_folder));
+        }
         for (int m = 0; m < job->materials.count; m++) {
             TSUYA_TRY(refuse_inside(job, "materials: model", tsuya_job_material_at(job, m)->model, stage_folder));
             TSUYA_TRY(refuse_inside(job, "materials: where", tsuya_job_material_at(job, m)->where, stage_folder));
@@ -304,6 +310,8 @@ static tsuya_status check_render(const tsuya_job *job, tsuya_job_render *r)
         return invalid(job, "render: name", r->name, "cannot be a folder's name");
     }
     TSUYA_TRY(resolve(job, &r->like, "render: like", true));
+    TSUYA_TRY(resolve(job, &r->lights, "render: lights", false));
+    TSUYA_TRY(resolve(job, &r->model, "render: model", false));
     if (r->like) {
         if (r->views != INT_MIN || r->size.count > 0) {
             return invalid(job, "render: name", r->name, "has like:, which takes views and size from the photographs");

@@ -41,6 +41,18 @@ static tsuya_status add_material_inputs(tsuya_stage_plan *plan, const tsuya_job 
     return TSUYA_OK;
 }
 
+/* What single entries bring along. */
+static tsuya_status add_entry_inputs(tsuya_stage_plan *plan, const tsuya_job *job, const tsuya_job_render *entry)
+{
+    const char *lights = tsuya_arena_printf(job->arena, "lights of %s", entry->name);
+    const char *model = tsuya_arena_printf(job->arena, "model of %s", entry->name);
+    if (!lights || !model) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    TSUYA_TRY(tsuya_stage_input(plan, lights, entry->lights));
+    return tsuya_stage_input(plan, model, entry->model);
+}
+
 tsuya_status tsuya_stage_render_plan(tsuya_stage_plan *plan, const tsuya_stage_run *run)
 {
     const tsuya_job *job = run->job;
@@ -60,6 +72,7 @@ tsuya_status tsuya_stage_render_plan(tsuya_stage_plan *plan, const tsuya_stage_r
     tsuya_json *list = tsuya_json_set_array(plan->options, "render");
     for (int i = 0; i < job->render.count; i++) {
         const tsuya_job_render *r = tsuya_job_render_at(job, i);
+        TSUYA_TRY(add_entry_inputs(plan, job, r));
         tsuya_json *entry = tsuya_json_add_object(list);
         tsuya_json_set_text(entry, "name", r->name);
         tsuya_json_set_number(entry, "views", r->views);
@@ -184,9 +197,9 @@ static tsuya_status render_entry(tsuya_render_info *info, const tsuya_stage_run 
             return TSUYA_ERROR_MEMORY;
         }
     }
-    options.material_path = material;
-    options.material_count = materials;
-    options.lights_path = job->lights;
+    options.material_path = entry->model ? &entry->model : material;
+    options.material_count = entry->model ? 1 : materials;
+    options.lights_path = entry->lights ? entry->lights : job->lights;
     options.name = entry->name;
     options.color = entry->color;
     options.spp = SAMPLES_PER_PIXEL;

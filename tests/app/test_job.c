@@ -127,6 +127,11 @@ static void test_regions(void **state)
         assert_int_equal(mask != NULL, k == 2 || k == 9);
     }
     tsuya_job_free(&job);
+    assert_ok(load(&job, "name: robe\nphotos: photos\nrender: [{name: r, views: 1, lights: a.json, model: a.json}]\n", NULL));
+    assert_string_equal(tsuya_job_render_at(&job, 0)->lights, test_path("in/a.json"));
+    assert_string_equal(tsuya_job_render_at(&job, 0)->model, test_path("in/a.json"));
+    tsuya_job_free(&job);
+    refuse("name: robe\nphotos: photos\nrender: [{name: r, lights: no.json}]\n", "render: lights");
     refuse("name: robe\nphotos: photos\nmaterials: [{name: a, model: a.json, where: gold/}]\n", "without where:");
     refuse("name: robe\nphotos: photos\nmaterials: [{name: a, model: a.json}, {name: b, model: a.json}]\n", "without where:");
     refuse("name: robe\nphotos: photos\nmaterials: [{name: a, model: a.json, where: gold.png}, {name: b, model: a.json}]\n",
