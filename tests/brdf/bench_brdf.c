@@ -118,7 +118,7 @@ static void print_bars(const cloth_case *c, const row *rows)
     const int lobes[] = {1, GGX_ANISO, 3, 4};
     printf("%-22s", "bar");
     for (int p = 0; p < PARTS; ++p) {
-        printf(" %9.3f", c->bar[p]);
+        printf(isfinite(c->bar[p]) ? " %9.3f" : "         -", c->bar[p]);
     }
     printf("      12.0     1.50    65536                       1.0e-06    1.0010   1.0e-04\n%-22s", "auto, of best lobe");
     for (int p = 0; p < PARTS; ++p) {
