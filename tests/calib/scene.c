@@ -43,7 +43,15 @@ static double ink(const print *p, double x, double y)
     if (x < p->left || x > p->right || y < p->bottom || y > p->top) {
         return -1.0;
     }
-    for (int i = 0; i < p->plate->tag_count; i++) {
+    int first = 0, last = p->plate->tag_count - 1;
+    if (p->plate->cols > 0) { /* of a grid only the tag whose square it is */
+        double pitch = p->plate->tag_m + p->plate->gap_m;
+        int column = (int)floor((x + 0.5 * p->plate->gap_m) / pitch), row = (int)floor((y + 0.5 * p->plate->gap_m) / pitch);
+        column = column < 0 ? 0 : column < p->plate->cols ? column : p->plate->cols - 1;
+        row = row < 0 ? 0 : row < p->plate->rows ? row : p->plate->rows - 1;
+        first = last = row * p->plate->cols + column;
+    }
+    for (int i = first; i <= last; i++) {
         const tsuya_board_tag *tag = &p->board->tag[p->plate->first_tag + i];
         double size = tag->corner_m[1].x - tag->corner_m[0].x;
         const tsuya_tag_pattern *pattern = &p->pattern[i];
