@@ -18,7 +18,7 @@
 #include <string.h>
 
 enum { NORMALS = 1500, FEWEST = 3, TURNS_SWEEPS = 200, AZIMUTHS = 36, ELEVATIONS = 5, FEWEST_TURNED = 12 };
-static const double REACH_DEG = 45.0, LOWEST_DEG = -20.0, DOUBT_DEG = 4.0, ENOUGH_GAIN = 0.004;
+static const double REACH_DEG = 45.0, LOWEST_DEG = -20.0, DOUBT_DEG = 4.0, ENOUGH_GAIN = 0.004, APART_DEG = 7.0;
 
 typedef struct placement {
     int count;
@@ -207,6 +207,24 @@ static void describe(tsuya_check_missing *m, const placement *p, const tsuya_che
     m->up_deg = m->elevation_deg - check->photo[m->nearest].elevation_deg;
 }
 
+/* A second photograph from the same place shows no depth. */
+static bool is_taken(const placement *p, const tsuya_check *check, tsuya_vec3 view)
+{
+    double near = cos(tsuya_rad_from_deg(APART_DEG)), azimuth, elevation;
+    for (int i = 0; i < p->count; i++) {
+        if (p->placed[i] && check->photo[i].fault_count == 0 && tsuya_vec3_dot(p->from[i], view) > near) {
+            return true;
+        }
+    }
+    for (int k = 0; k < check->missing_count; k++) {
+        int number = (int)lround(check->missing[k].azimuth_deg / (360.0 / AZIMUTHS)) + AZIMUTHS * (int)lround((check->missing[k].elevation_deg - 5.0) / 15.0);
+        if (tsuya_vec3_dot(candidate(number, &azimuth, &elevation), view) > near) {
+            return true;
+        }
+    }
+    return false;
+}
+
 static void find_missing(tsuya_check *check, uint8_t *seen, const placement *p)
 {
     while (check->missing_count < TSUYA_CHECK_MISSING) {
@@ -214,7 +232,7 @@ static void find_missing(tsuya_check *check, uint8_t *seen, const placement *p)
         tsuya_vec3 chosen = {0, 0, 1};
         for (int k = 0; k < AZIMUTHS * ELEVATIONS; k++) {
             tsuya_vec3 view = candidate(k, &own.azimuth_deg, &own.elevation_deg);
-            own.gain = gain_of(seen, view);
+            own.gain = is_taken(p, check, view) ? 0.0 : gain_of(seen, view);
             if (k == 0 || own.gain > m->gain) {
                 *m = own;
                 chosen = view;

@@ -1,10 +1,7 @@
-/* Reflectance from photographs: a corner whose light and shadow are known in closed form; the virtual studio's swatch and cloth. */
+/* Reflectance from photographs: a corner whose light and shadow are known in closed form. */
 #include "support.h"
 
 #include "app/gather_input.h"
-#include "brdf/fit.h"
-#include "capture/simulate_parts.h"
-#include "capture/simulate_shots.h"
 
 #include <math.h>
 
@@ -137,107 +134,6 @@ static void a_corner_with_its_shadow(void **state)
     tsuya_mesh_free(&mesh);
 }
 
-/* --- the virtual studio ------------------------------------------------------------------------------------------------------ */
-
-static const char *write_scene(const char *name, const char *text)
-{
-    const char *path = test_path(name);
-    assert_ok(tsuya_file_write(path, text, strlen(text)));
-    return path;
-}
-
-static void simulate(tsuya_simulate_scene *scene, const char *name, const char *text, const char *folder)
-{
-    tsuya_simulate_info info;
-    tsuya_context context = tsuya_context_default();
-    assert_ok(tsuya_simulate_scene_load(scene, write_scene(name, text)));
-    assert_ok(tsuya_simulate(&info, scene, folder, &context));
-}
-
-static const char *in(const char *folder, const char *name)
-{
-    static char buffer[8][TEST_PATH];
-    static int turn;
-    char *path = buffer[turn++ % 8];
-    snprintf(path, TEST_PATH, "%s/%s", folder, name);
-    return path;
-}
-
-static const char SWATCH[] =
-    "cloth: {kind: closed, side_m: 0.3, spacing_m: 0.03, reflectance: satin, weft_mm: 0.9, warp_mm: 0.7}\n"
-    "camera: {size: [120, 90], focal_px: 200, spp: 4, f_number: 0, format: tif, full_well_e: 60000}\n"
-    "views: [{count: 3, elevation_deg: 30, distance_m: 3}]\nhold_out: 0\n"
-    "goniometer: {tilt_step_deg: 9, photos: true, spectra: true}\n";
-
-/* e_cbrt of a material on the truth's directions, and on stage positions between the photographed ones. */
-static void compare_material(double *everywhere, double *between, const tsuya_material *material, const tsuya_microcylinder *cloth, const char *table)
-{
-    tsuya_samples truth;
-    double *g;
-    assert_ok(tsuya_samples_load(&truth, table));
-    g = calloc(3 * (size_t)truth.count, sizeof *g);
-    tsuya_material_predict(g, material, &truth);
-    *everywhere = tsuya_samples_error(&truth, g, -1).cbrt;
-    tsuya_samples_free(&truth);
-    free(g);
-    assert_ok(tsuya_samples_create(&truth, 8 * 12, 3, NULL));
-    g = calloc(3 * (size_t)truth.count, sizeof *g);
-    for (int k = 0; k < truth.count; k++) {
-        double azimuth = 22.5 * (k / 12), tilt = 4.5 + 7.0 * (k % 12 - 6);
-        truth.wi[k] = tsuya_goniometer_direction(30, 0, azimuth, tilt);
-        truth.wo[k] = tsuya_goniometer_direction(30, 180, azimuth, tilt);
-        tsuya_simulate_reflect(cloth, truth.wi[k], truth.wo[k], truth.value + 3 * k);
-    }
-    tsuya_material_predict(g, material, &truth);
-    *between = tsuya_samples_error(&truth, g, -1).cbrt;
-    tsuya_samples_free(&truth);
-    free(g);
-}
-
-static void swatch_photographs_give_the_cloth(void **state)
-{
-    (void)state;
-    tsuya_simulate_scene scene;
-    const char *folder = test_path("swatch-job");
-    simulate(&scene, "swatch.yaml", SWATCH, folder);
-    const tsuya_microcylinder *cloth = tsuya_simulate_reflectance(&scene);
-    tsuya_gather_options options = tsuya_gather_options_default();
-    tsuya_context context = tsuya_context_default();
-    tsuya_gather_session session;
-    tsuya_gathered out;
-    options.pattern = false;
-    const tsuya_gather_paths paths = {.photos = in(folder, "swatch"), .poses = in(folder, "truth/swatch"), .surface = in(folder, "truth/swatch.ply"),
-                                      .lights = in(folder, "swatch/lights.json"), .reference = in(folder, "swatch/reference.csv"), .lamps_with_camera = true};
-    assert_ok(tsuya_gather_photos(&session, &paths, &options, &context));
-    assert_ok(tsuya_gather_finish(&out, session.gather));
-    double *truth = calloc(3 * (size_t)out.samples.count, sizeof *truth), logs = 0.0, everywhere, between;
-    for (int k = 0; k < out.samples.count; k++) {
-        tsuya_simulate_reflect(cloth, out.samples.wi[k], out.samples.wo[k], truth + 3 * k);
-        logs += log(out.samples.value[3 * k + 1] / truth[3 * k + 1]) / out.samples.count;
-    }
-    double rows = tsuya_samples_error(&out.samples, truth, -1).cbrt;
-    tsuya_fit_info info;
-    tsuya_material *material;
-    const tsuya_fit_options fit = {.name = "swatch", .model = "yarn", .tolerance = NAN};
-    assert_ok(tsuya_brdf_fit(&material, &info, NULL, NULL, &out.samples, &fit, &context));
-    compare_material(&everywhere, &between, material, cloth, in(folder, "truth/reflectance.csv"));
-    print_message("%d photographs, %d rows: scale off by %+.1f %%, rows e_cbrt %.3f; fitted: %.3f between the positions, %.3f over both hemispheres\n",
-                  session.photos, out.samples.count, 100.0 * (exp(logs) - 1.0), rows, between, everywhere);
-    assert_true(fabs(logs) < 0.05);
-    assert_true(rows <= 0.12);
-    assert_true(between <= 0.12);
-    assert_true(everywhere <= 0.12);
-    tsuya_samples spectra;
-    assert_ok(tsuya_samples_load(&spectra, in(folder, "spectra.csv")));
-    assert_int_equal(spectra.channel_count, 35);
-    tsuya_samples_free(&spectra);
-    tsuya_material_free(material);
-    tsuya_gathered_free(&out);
-    tsuya_gather_session_free(&session);
-    tsuya_simulate_scene_free(&scene);
-    free(truth);
-}
-
 static void what_cannot_be_gathered_is_said(void **state)
 {
     (void)state;
@@ -280,7 +176,6 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_corner_with_its_shadow),
-        cmocka_unit_test(swatch_photographs_give_the_cloth),
         cmocka_unit_test(what_cannot_be_gathered_is_said),
     };
     return cmocka_run_group_tests(tests, NULL, tear_down);

@@ -193,6 +193,41 @@ static void noise_lies_on_the_photon_transfer_line(void **state)
     }
 }
 
+/* Behind the colour filters, in 16 bits: each channel at its own pixels, which the interpolation leaves as they are. */
+static void the_mosaic_lies_on_the_photon_transfer_line(void **state)
+{
+    (void)state;
+    tsuya_studio_sensor sensor = {.full_radiance = 2.0, .full_well_e = 20000.0, .read_noise_e = 8.0, .bayer = true, .deep = true};
+    tsuya_context context = tsuya_context_default();
+    static const double signal[] = {0.01, 0.04, 0.15, 0.5, 0.8};
+    for (size_t i = 0; i < sizeof signal / sizeof signal[0]; i++) {
+        tsuya_image radiance, photograph;
+        double sum[3] = {0}, squares[3] = {0}, n[3] = {0};
+        assert_ok(tsuya_image_create(&radiance, 512, 512, 3, TSUYA_SAMPLE_F32, TSUYA_ENCODING_LINEAR));
+        for (int k = 0; k < 512 * 512 * 3; k++) { /* rows follow each other */
+            tsuya_image_f32(&radiance, k / 3 % 512, k / 3 / 512)[k % 3] = (float)(2.0 * signal[i] * (1.0 - 0.2 * (k % 3)));
+        }
+        assert_ok(tsuya_studio_develop(&photograph, &radiance, &sensor, 4, &context));
+        assert_int_equal(photograph.sample, TSUYA_SAMPLE_U16);
+        for (int k = 0; k < 512 * 512; k++) {
+            int x = k % 512, y = k / 512, c = tsuya_studio_bayer_channel(x, y);
+            double v = (double)tsuya_srgb_decode((float)tsuya_image_u16(&photograph, x, y)[c] / 65535.0f);
+            sum[c] += v;
+            squares[c] += v * v;
+            n[c] += 1.0;
+        }
+        for (int c = 0; c < 3; c++) {
+            double own = signal[i] * (1.0 - 0.2 * c), mean = sum[c] / n[c], variance = squares[c] / n[c] - mean * mean;
+            double expected = (own * 20000.0 + 64.0) / (20000.0 * 20000.0);
+            if (fabs(variance / expected - 1.0) > 0.03 || fabs(mean / own - 1.0) > 0.003) {
+                fail_msg("signal %.2f, channel %d: mean %.5f, variance %.3e, expected %.5f and %.3e", signal[i], c, mean, variance, own, expected);
+            }
+        }
+        tsuya_image_free(&radiance);
+        tsuya_image_free(&photograph);
+    }
+}
+
 static void exif_reads_back(void **state)
 {
     (void)state;
@@ -233,6 +268,7 @@ int main(void)
         cmocka_unit_test(the_top_is_as_bright_as_the_lamp_makes_it),
         cmocka_unit_test(threads_do_not_matter),
         cmocka_unit_test(noise_lies_on_the_photon_transfer_line),
+        cmocka_unit_test(the_mosaic_lies_on_the_photon_transfer_line),
         cmocka_unit_test(exif_reads_back),
     };
     return cmocka_run_group_tests(tests, NULL, tear_down);
