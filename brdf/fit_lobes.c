@@ -8,7 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { GRID = 9, SUBSET = 20000, REWEIGHTS = 6, STARTS = 3 };
+/* Shapes are searched for with as many samples as the first, strengths are found with as many as the second. */
+enum { GRID = 9, SEARCHED = 3000, SUBSET = 20000, REWEIGHTS = 6, STARTS = 3 };
 
 typedef struct family {
     const tsuya_brdf_model *model;
@@ -31,6 +32,7 @@ typedef struct problem {
     const tsuya_samples *samples;
     int stride, count; /* every stride-th sample */
     double *lobe;      /* count: the lobe at strength 1 */
+    double *root, *edge; /* ∛(f cosθi) of every value at scale; ∛cos²θi */
     double *strength, *diffuse, scale;
 } problem;
 
@@ -41,16 +43,18 @@ static double fit_channel(const problem *p, int c)
     double kd = 0.0, ks = 0.0, error = 0.0;
     for (int round = 0; round <= REWEIGHTS; ++round) {
         double a = 0.0, b = 0.0, d = 0.0, u = 0.0, v = 0.0;
-        error = 0.0;
         for (int i = 0; i < p->count; ++i) {
             int k = i * p->stride;
             double f = s->value[k * s->channel_count + c] / p->scale, cosine = s->wi[k].z, l = p->lobe[i], g = kd / M_PI + ks * l;
             if (isnan(f)) {
                 continue;
             }
-            double difference = cbrt(g * cosine) - cbrt(f * cosine);
-            error += difference * difference;
-            double at = round == 0 ? f : 0.5 * (g + f), w = cbrt(cosine * cosine) / cbrt(pow(fmax(at, 1e-4), 4.0));
+            if (round == REWEIGHTS) {
+                double difference = cbrt(g * cosine) - p->root[k * s->channel_count + c];
+                error += difference * difference;
+                continue;
+            }
+            double at = fmax(round == 0 ? f : 0.5 * (g + f), 1e-4), w = p->edge[k] / (at * cbrt(at));
             a += w / (M_PI * M_PI);
             b += w * l / M_PI;
             d += w * l * l;
@@ -162,21 +166,43 @@ static family family_of(const tsuya_brdf_model *model)
     return (family){model, shapes, log(0.02), log(1.0), 1.0};
 }
 
+static void take_every(problem *p, int at_most)
+{
+    p->stride = (p->samples->count + at_most - 1) / at_most;
+    p->count = (p->samples->count + p->stride - 1) / p->stride;
+}
+
+static void take_roots(problem *p)
+{
+    const tsuya_samples *s = p->samples;
+    for (int k = 0; k < s->count * s->channel_count; ++k) {
+        p->scale = s->value[k] > p->scale ? s->value[k] : p->scale;
+    }
+    p->scale = p->scale > 0.0 ? p->scale : 1.0;
+    for (int k = 0; k < s->count; ++k) {
+        p->edge[k] = cbrt(s->wi[k].z * s->wi[k].z);
+        for (int c = 0; c < s->channel_count; ++c) {
+            p->root[k * s->channel_count + c] = cbrt(s->value[k * s->channel_count + c] / p->scale * s->wi[k].z);
+        }
+    }
+}
+
 tsuya_status tsuya_fit_lobe(void **state, double *diffuse, const tsuya_brdf_model *model, const tsuya_samples *samples)
 {
     tsuya_status status = TSUYA_OK;
     family f = family_of(model);
-    problem p = {.family = &f, .samples = samples, .stride = (samples->count + SUBSET - 1) / SUBSET, .diffuse = diffuse, .scale = 0.0};
+    problem p = {.family = &f, .samples = samples, .diffuse = diffuse, .scale = 0.0};
     double shape[2] = {0.0, 0.0}, error;
-    p.count = (samples->count + p.stride - 1) / p.stride;
+    take_every(&p, SUBSET);
     TSUYA_NEW(status, p.lobe, (size_t)p.count);
     TSUYA_NEW(status, p.strength, (size_t)samples->channel_count);
-    for (int k = 0; k < samples->count * samples->channel_count; ++k) {
-        p.scale = samples->value[k] > p.scale ? samples->value[k] : p.scale;
-    }
-    p.scale = p.scale > 0.0 ? p.scale : 1.0;
+    TSUYA_NEW(status, p.edge, (size_t)samples->count);
+    TSUYA_NEW(status, p.root, (size_t)samples->count * (size_t)samples->channel_count);
+    take_roots(&p);
     if (f.shapes > 0) {
+        take_every(&p, SEARCHED);
         TSUYA_GOTO_DONE(status, search(shape, &p));
+        take_every(&p, SUBSET);
     }
     TSUYA_GOTO_DONE(status, objective(&error, &p, shape));
     if (f.shapes > 0) {
@@ -185,5 +211,7 @@ tsuya_status tsuya_fit_lobe(void **state, double *diffuse, const tsuya_brdf_mode
 done:
     tsuya_free(p.lobe);
     tsuya_free(p.strength);
+    tsuya_free(p.edge);
+    tsuya_free(p.root);
     return status;
 }

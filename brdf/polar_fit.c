@@ -1,6 +1,7 @@
 #include "brdf/polar_fit.h"
 
 #include "brdf/cholmod_adapter.h"
+#include "core/clones.h"
 #include "core/memory.h"
 
 #include <string.h>
@@ -144,7 +145,7 @@ typedef struct cell_sum {
     double right[64], matrix[64 * 64];
 } cell_sum;
 
-static void add_sample(cell_sum *sum, int count, const double *w, double weight, double target)
+TSUYA_CLONES("arch=x86-64-v3", "default") static void add_sample(cell_sum *sum, int count, const double *w, double weight, double target)
 {
     for (int i = 0; i < count; ++i) {
         double scaled = weight * w[i], *row = sum->matrix + i * count;
@@ -179,30 +180,46 @@ static void sort_by_cell(int *order, int *start, int cells, const system_state *
     start[cells] = d->count;
 }
 
+static void sum_cell(cell_sum *sum, const system_state *s, const tsuya_polar_samples *d, const int *order, int from, int to)
+{
+    int index[64], count = s->nd > 0 ? 64 : 16;
+    double weight[64];
+    memset(sum, 0, sizeof *sum);
+    for (int k = from; k < to; ++k) {
+        int at = order[k];
+        if (d->weight[at] > 0.0) {
+            tsuya_sheen_stencil(index, weight, &d->angles[at], s->nu, s->nv, s->nd);
+            add_sample(sum, count, weight, d->weight[at], d->target[at]);
+        }
+    }
+}
+
+/* Some cells at a time side by side, added in their order. */
 static tsuya_status add_data(system_state *s, const tsuya_polar_samples *d)
 {
+    enum { TOGETHER = 32 };
     tsuya_status status = TSUYA_OK;
     int cells = s->nu * s->nv * (s->nd > 0 ? s->nd : 1), *order = NULL, *start = NULL, index[64], count = s->nd > 0 ? 64 : 16;
     cell_sum *sum = NULL;
     double weight[64];
     TSUYA_NEW(status, order, (size_t)d->count + 1);
     TSUYA_NEW(status, start, (size_t)cells + 1);
-    TSUYA_NEW(status, sum, 1);
+    TSUYA_NEW(status, sum, TOGETHER);
     sort_by_cell(order, start, cells, s, d);
-    for (int c = 0; c < cells; ++c) {
-        if (start[c] == start[c + 1]) {
-            continue;
-        }
-        memset(sum, 0, sizeof *sum);
-        for (int k = start[c]; k < start[c + 1]; ++k) {
-            int at = order[k];
-            if (d->weight[at] > 0.0) {
-                tsuya_sheen_stencil(index, weight, &d->angles[at], s->nu, s->nv, s->nd);
-                add_sample(sum, count, weight, d->weight[at], d->target[at]);
+    for (int first = 0; first < cells; first += TOGETHER) {
+        int last = first + TOGETHER < cells ? first + TOGETHER : cells;
+#pragma omp parallel for schedule(dynamic) if (d->count > 20000)
+        for (int c = first; c < last; ++c) {
+            if (start[c] < start[c + 1]) {
+                sum_cell(&sum[c - first], s, d, order, start[c], start[c + 1]);
             }
         }
-        tsuya_sheen_stencil(index, weight, &d->angles[order[start[c]]], s->nu, s->nv, s->nd);
-        TSUYA_GOTO_DONE(status, add_quadratic(s, index, count, sum->matrix, sum->right));
+        for (int c = first; c < last; ++c) {
+            if (start[c] < start[c + 1]) {
+                tsuya_sheen_stencil(index, weight, &d->angles[order[start[c]]], s->nu, s->nv, s->nd);
+                TSUYA_GOTO_DONE(status, add_quadratic(s, index, count, sum[c - first].matrix, sum[c - first].right));
+            }
+        }
     }
 done:
     tsuya_free(order);
