@@ -94,13 +94,21 @@ static double step_level(const tsuya_spectrum *s, const tsuya_basis *b, const ts
     return sum / points;
 }
 
-/* How far a peak is from the nearest point of the step's lattice, in bins of the patch, squared. */
-static double miss_bins_squared(const tsuya_spectrum *s, const tsuya_basis *b, const tsuya_step *step, const tsuya_peak *peak)
+/* Of a frequency in a basis: a1·f1 + a2·f2. */
+typedef struct spot {
+    double a1, a2;
+} spot;
+
+static inline spot spot_of(const tsuya_basis *b, double per_det, const tsuya_peak *peak)
 {
-    double det = b->f[0][0] * b->f[1][1] - b->f[0][1] * b->f[1][0];
-    double a1 = ((double)peak->fx * b->f[1][1] - (double)peak->fy * b->f[1][0]) / det;
-    double a2 = (b->f[0][0] * (double)peak->fy - b->f[0][1] * (double)peak->fx) / det;
-    double k2 = round(a2 * step->repeat) / step->repeat, offset = -step->step * k2, k1 = round(a1 - offset) + offset;
+    return (spot){((double)peak->fx * b->f[1][1] - (double)peak->fy * b->f[1][0]) * per_det,
+                   (b->f[0][0] * (double)peak->fy - b->f[0][1] * (double)peak->fx) * per_det};
+}
+
+/* How far that is from the nearest point of the step's lattice, in bins of the patch, squared. */
+static inline double miss_bins_squared(const tsuya_spectrum *s, const tsuya_basis *b, const tsuya_step *step, double a1, double a2)
+{
+    double k2 = rint(a2 * step->repeat) / step->repeat, offset = -step->step * k2, k1 = rint(a1 - offset) + offset;
     double dx = (a1 - k1) * b->f[0][0] + (a2 - k2) * b->f[1][0], dy = (a1 - k1) * b->f[0][1] + (a2 - k2) * b->f[1][1];
     return square(dx, dy) * s->n * s->n;
 }
@@ -119,45 +127,45 @@ static bool is_multiple(const tsuya_spectrum *s, const double f[2], const tsuya_
     return fabs(times) >= 2.0 && fabs(times) <= 5.0 && square(f[0] - times * px, f[1] - times * py) * s->n * s->n < 1.0;
 }
 
-static bool is_printed(const tsuya_spectrum *s, const tsuya_basis *b, const tsuya_step *step, const tsuya_peak *p, const tsuya_peak *stripes)
+/* The peak is a multiple of the stripes' frequency, or a point of the lattice beside it by such a multiple; `at`, `by`: their places. */
+static bool is_printed(const tsuya_spectrum *s, const tsuya_basis *b, const tsuya_step *step, const tsuya_peak *p, const tsuya_peak *stripes, spot at, spot by)
 {
     double px = (double)stripes->fx, py = (double)stripes->fy, times = rint(((double)p->fx * px + (double)p->fy * py) / (px * px + py * py));
-    if (square((double)p->fx - times * px, (double)p->fy - times * py) * s->n * s->n < 1.0) {
-        return true;
+    bool printed = square((double)p->fx - times * px, (double)p->fy - times * py) * s->n * s->n < 1.0;
+    for (int k = 1; k <= 2 && !printed; k++) {
+        printed = miss_bins_squared(s, b, step, at.a1 + k * by.a1, at.a2 + k * by.a2) < 1.0 || miss_bins_squared(s, b, step, at.a1 - k * by.a1, at.a2 - k * by.a2) < 1.0;
     }
-    for (int k = -2; k <= 2; k++) {
-        tsuya_peak shifted = {p->fx + (float)k * stripes->fx, p->fy + (float)k * stripes->fy, p->level};
-        if (k != 0 && miss_bins_squared(s, b, step, &shifted) < 1.0) {
-            return true;
-        }
-    }
-    return false;
+    return printed;
 }
 
 static strangers find_strangers(const tsuya_spectrum *s, const tsuya_basis *b, const tsuya_step *step)
 {
     strangers out = {0};
-    const tsuya_peak *highest = NULL;
+    int highest = -1;
     bool on[TSUYA_PEAKS];
+    spot at[TSUYA_PEAKS];
+    double per_det = 1.0 / (b->f[0][0] * b->f[1][1] - b->f[0][1] * b->f[1][0]);
     float all = 1e-6f, ff = (float)fmin(square(b->f[0][0], b->f[0][1]), square(b->f[1][0], b->f[1][1]));
     for (int i = 0; i < s->peak_count; i++) {
         const tsuya_peak *p = &s->peak[i];
+        at[i] = spot_of(b, per_det, p);
         all += p->level;
         if (p->level > out.part && (is_multiple(s, b->f[0], p) || is_multiple(s, b->f[1], p))) {
             out.part = p->level;
         }
-        on[i] = miss_bins_squared(s, b, step, p) < 1.0;
+        on[i] = miss_bins_squared(s, b, step, at[i].a1, at[i].a2) < 1.0;
         if (on[i]) {
             out.explained += p->level;
             continue;
         }
-        highest = highest ? highest : p; /* they are sorted */
+        highest = highest >= 0 ? highest : i; /* they are sorted */
         out.fine = p->level > out.fine && (fabsf(p->fx) > 0.4f || p->fy > 0.4f) ? p->level : out.fine;
         out.slow = p->level > out.slow && p->fx * p->fx + p->fy * p->fy < 0.5f * ff ? p->level : out.slow;
     }
-    out.any = highest ? highest->level : 0.0f;
+    out.any = highest >= 0 ? s->peak[highest].level : 0.0f;
     for (int i = 0; i < s->peak_count; i++) {
-        out.printed += on[i] || is_printed(s, b, step, &s->peak[i], highest) ? s->peak[i].level : 0.0f;
+        bool known = on[i] || is_printed(s, b, step, &s->peak[i], &s->peak[highest], at[i], at[highest]);
+        out.printed += known ? s->peak[i].level : 0.0f;
     }
     out.explained /= all;
     out.printed /= all;
