@@ -184,6 +184,7 @@ static tsuya_status keep_largest(tsuya_reconstruction *r, tsuya_json *figures)
 {
     tsuya_sparse_model model[MODELS_MOST] = {0};
     tsuya_database database = {0};
+    tsuya_adjust_info adjusted;
     tsuya_status status;
     int count = 0, kept = 0;
     TSUYA_GOTO_DONE(status, load_models(model, &count, r));
@@ -196,6 +197,11 @@ static tsuya_status keep_largest(tsuya_reconstruction *r, tsuya_json *figures)
         TSUYA_GOTO_DONE(status, tsuya_database_load(&database, tsuya_reconstruction_path(r, "database.db")));
         TSUYA_GOTO_DONE(status, tsuya_groups_report(tsuya_json_set_array(figures, "groups"), model, count, kept, &database, &r->photos, r->context));
     }
+    TSUYA_GOTO_DONE(status, tsuya_adjust(&model[kept], &adjusted, &r->colmap, r->options->camera_model != NULL));
+    tsuya_json_set_number(figures, "observations", (double)adjusted.observations);
+    tsuya_json_set_number(figures, "observations_kept", (double)adjusted.kept);
+    tsuya_json_set_number(figures, "feature_sigma_px", adjusted.sigma_px);
+    tsuya_json_set_number(figures, "adjustments", adjusted.rounds);
     status = tsuya_sparse_model_save_binary(&model[kept], tsuya_scale_unscaled(r));
 done:
     for (int m = 0; m < MODELS_MOST; m++) {
@@ -217,7 +223,7 @@ static tsuya_status explain_mapper(const tsuya_reconstruction *r, tsuya_status s
 
 static tsuya_status mapping(tsuya_reconstruction *r)
 {
-    if (tsuya_step_begin(&r->steps, "mapping", "adjusted, centred", tsuya_arena_printf(r->arena, "%s/points3D.bin", tsuya_scale_unscaled(r)))) {
+    if (tsuya_step_begin(&r->steps, "mapping", "adjusted, centre freed last", tsuya_arena_printf(r->arena, "%s/points3D.bin", tsuya_scale_unscaled(r)))) {
         return TSUYA_OK;
     }
     tsuya_json *figures = tsuya_json_create_object();
