@@ -32,15 +32,8 @@ static void test_demo_comes_near_its_truth(void **state)
     tsuya_json_free(figures);
 }
 
-static int remove_folder(void **state)
-{
-    (void)state;
-    test_folder_remove();
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_demo_comes_near_its_truth)};
-    return cmocka_run_group_tests(tests, NULL, remove_folder);
+    return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
 }

@@ -102,6 +102,9 @@ static void test_photographs_are_placed(void **state)
     assert_float_equal(number(job_result, "reconstruct", "photos"), PHOTOS, 0.0);
     assert_true(number(job_result, "reconstruct", "registered") >= PHOTOS - 1);
     assert_true(number(job_result, "reconstruct", "reprojection_px") < 1.5);
+    const tsuya_json *mapping = tsuya_json_member(member(job_result, "reconstruct", "parts"), "mapping");
+    assert_true(tsuya_json_number_or(tsuya_json_member(mapping, "adjustments"), 0.0) >= 1.0);
+    assert_true(tsuya_json_number_or(tsuya_json_member(mapping, "observations_kept"), 0.0) < tsuya_json_number_or(tsuya_json_member(mapping, "observations"), 0.0));
     assert_true(tsuya_json_is_null(member(job_result, "reconstruct", "scale_m_per_unit")));
 }
 
