@@ -213,6 +213,13 @@ tsuya_status tsuya_colmap_verify(tsuya_colmap *colmap, const char *match_list)
     return status;
 }
 
+static void fix_intrinsics(command *c)
+{
+    set(c, "--Mapper.ba_refine_focal_length", "0");
+    set(c, "--Mapper.ba_refine_principal_point", "0");
+    set(c, "--Mapper.ba_refine_extra_params", "0");
+}
+
 tsuya_status tsuya_colmap_map(tsuya_colmap *colmap, const char *output, bool fixed_intrinsics)
 {
     char *help = NULL, path[ARGUMENT_SIZE];
@@ -230,9 +237,7 @@ tsuya_status tsuya_colmap_map(tsuya_colmap *colmap, const char *output, bool fix
     set_if_known(c, "--Mapper.num_threads", "1"); /* its sums depend on the number of threads, and from run to run on their order */
     set_if_known(c, "--Mapper.min_model_size", "3");
     if (fixed_intrinsics) {
-        set(c, "--Mapper.ba_refine_focal_length", "0");
-        set(c, "--Mapper.ba_refine_principal_point", "0");
-        set(c, "--Mapper.ba_refine_extra_params", "0");
+        fix_intrinsics(c);
     }
     status = finish(c);
 done:
@@ -279,9 +284,7 @@ tsuya_status tsuya_colmap_triangulate(tsuya_colmap *colmap, const char *input, c
     set_path(c, "--input_path", input);
     set(c, "--output_path", path);
     set_if_known(c, "--clear_points", "1");
-    set(c, "--Mapper.ba_refine_focal_length", "0");
-    set(c, "--Mapper.ba_refine_principal_point", "0");
-    set(c, "--Mapper.ba_refine_extra_params", "0");
+    fix_intrinsics(c);
     set_if_known(c, "--Mapper.num_threads", "1");
     status = finish(c);
 done:

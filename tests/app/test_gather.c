@@ -165,18 +165,11 @@ static void what_cannot_be_gathered_is_said(void **state)
     tsuya_mesh_free(&mesh);
 }
 
-static int tear_down(void **state)
-{
-    (void)state;
-    test_folder_remove();
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_corner_with_its_shadow),
         cmocka_unit_test(what_cannot_be_gathered_is_said),
     };
-    return cmocka_run_group_tests(tests, NULL, tear_down);
+    return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
 }

@@ -185,18 +185,11 @@ static void a_draped_pattern_is_told_from_the_surface(void **state)
     tsuya_simulate_scene_free(&scene);
 }
 
-static int tear_down(void **state)
-{
-    (void)state;
-    test_folder_remove();
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(swatch_photographs_give_the_cloth),
         cmocka_unit_test(a_draped_pattern_is_told_from_the_surface),
     };
-    return cmocka_run_group_tests(tests, NULL, tear_down);
+    return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
 }

@@ -223,16 +223,9 @@ static void test_gltf(void **state)
     }
 }
 
-static int teardown(void **state)
-{
-    (void)state;
-    test_folder_remove();
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_rgl), cmocka_unit_test(test_lookup_on_a_real_file), cmocka_unit_test(test_rgl_as_a_renderer_reads_it),
                                        cmocka_unit_test(test_rgl_of_one_channel), cmocka_unit_test(test_merl), cmocka_unit_test(test_gltf)};
-    return cmocka_run_group_tests(tests, NULL, teardown);
+    return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
 }

@@ -118,16 +118,9 @@ static void test_corners(void **state)
     tsuya_corner_set_free(&s);
 }
 
-static int finish(void **state)
-{
-    (void)state;
-    test_folder_remove();
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_grid), cmocka_unit_test(test_listed), cmocka_unit_test(test_kalibr),
                                        cmocka_unit_test(test_refused), cmocka_unit_test(test_memory), cmocka_unit_test(test_corners)};
-    return cmocka_run_group_tests(tests, NULL, finish);
+    return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
 }

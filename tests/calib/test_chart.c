@@ -132,6 +132,36 @@ static void test_matrix(void **state)
     }
 }
 
+/* The Lab under D50 of the spectrum that is drawn for a colour: Newton on the adapted XYZ. */
+static tsuya_lab lab_of_spectrum(tsuya_lab nominal)
+{
+    double nm[41], value[41];
+    tsuya_lab lab = nominal;
+    spectrum(nm, value, tsuya_rgb_from_xyz(tsuya_chart_xyz_d65(nominal)));
+    tsuya_vec3 want = tsuya_xyz_of_reflectance(nm, value, 41);
+    for (int step = 0; step < 40; step++) { /* the Lab whose adapted XYZ it is */
+        tsuya_lab h[3] = {lab, lab, lab};
+        tsuya_vec3 at = tsuya_chart_xyz_d65(lab);
+        h[0].l += 0.01, h[1].a += 0.01, h[2].b += 0.01;
+        double e[3] = {want.x - at.x, want.y - at.y, want.z - at.z}, j[3][3];
+        for (int c = 0; c < 3; c++) {
+            tsuya_vec3 q = tsuya_chart_xyz_d65(h[c]);
+            j[0][c] = (q.x - at.x) / 0.01, j[1][c] = (q.y - at.y) / 0.01, j[2][c] = (q.z - at.z) / 0.01;
+        }
+        tsuya_mat3 m = {{{j[0][0], j[0][1], j[0][2]}, {j[1][0], j[1][1], j[1][2]}, {j[2][0], j[2][1], j[2][2]}}};
+        double det = tsuya_mat3_determinant(m), d[3];
+        for (int c = 0; c < 3; c++) {
+            tsuya_mat3 n = m;
+            for (int r = 0; r < 3; r++) {
+                n.e[r][c] = e[r];
+            }
+            d[c] = tsuya_mat3_determinant(n) / det;
+        }
+        lab.l += d[0], lab.a += d[1], lab.b += d[2];
+    }
+    return lab;
+}
+
 /* Spectra through sensitivities that are no mixture of the observer's, uneven light, vignetting known from a card. */
 static void test_spectral_camera(void **state)
 {
@@ -140,31 +170,8 @@ static void test_spectral_camera(void **state)
     tsuya_chart_reference(nominal);
     view v = usual();
     v.spectral = true;
-    for (int i = 0; i < 24; i++) { /* what the spectra that are drawn truly are, under D50's Lab */
-        double nm[41], value[41];
-        reference[i] = nominal[i];
-        spectrum(nm, value, tsuya_rgb_from_xyz(tsuya_chart_xyz_d65(nominal[i])));
-        tsuya_vec3 want = tsuya_xyz_of_reflectance(nm, value, 41);
-        for (int step = 0; step < 40; step++) { /* the Lab whose adapted XYZ it is */
-            tsuya_lab h[3] = {reference[i], reference[i], reference[i]};
-            tsuya_vec3 at = tsuya_chart_xyz_d65(reference[i]);
-            h[0].l += 0.01, h[1].a += 0.01, h[2].b += 0.01;
-            double e[3] = {want.x - at.x, want.y - at.y, want.z - at.z}, j[3][3];
-            for (int c = 0; c < 3; c++) {
-                tsuya_vec3 q = tsuya_chart_xyz_d65(h[c]);
-                j[0][c] = (q.x - at.x) / 0.01, j[1][c] = (q.y - at.y) / 0.01, j[2][c] = (q.z - at.z) / 0.01;
-            }
-            tsuya_mat3 m = {{{j[0][0], j[0][1], j[0][2]}, {j[1][0], j[1][1], j[1][2]}, {j[2][0], j[2][1], j[2][2]}}};
-            double det = tsuya_mat3_determinant(m), d[3];
-            for (int c = 0; c < 3; c++) {
-                tsuya_mat3 n = m;
-                for (int r = 0; r < 3; r++) {
-                    n.e[r][c] = e[r];
-                }
-                d[c] = tsuya_mat3_determinant(n) / det;
-            }
-            reference[i].l += d[0], reference[i].a += d[1], reference[i].b += d[2];
-        }
+    for (int i = 0; i < 24; i++) {
+        reference[i] = lab_of_spectrum(nominal[i]);
     }
     tsuya_lab drawn[24];
     memcpy(drawn, nominal, sizeof drawn); /* `seen` draws the spectra of the nominal colours */

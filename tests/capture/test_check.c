@@ -96,18 +96,11 @@ static void empty_and_missing_folders_fail_clearly(void **state)
     assert_fails(tsuya_check_session(&check, empty, test_path("no-masks"), &options, &context), "no such folder of masks");
 }
 
-static int tear_down(void **state)
-{
-    (void)state;
-    test_folder_remove();
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(spoilt_photographs_of_a_jacket_are_named),
         cmocka_unit_test(empty_and_missing_folders_fail_clearly),
     };
-    return cmocka_run_group_tests(tests, NULL, tear_down);
+    return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
 }

@@ -98,18 +98,11 @@ static void two_boards_with_spoilt_photographs(void **state)
     tsuya_check_free(&check);
 }
 
-static int tear_down(void **state)
-{
-    (void)state;
-    test_folder_remove();
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(asclepius_with_spoilt_photographs),
         cmocka_unit_test(two_boards_with_spoilt_photographs),
     };
-    return cmocka_run_group_tests(tests, NULL, tear_down);
+    return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
 }

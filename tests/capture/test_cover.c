@@ -213,13 +213,6 @@ static void photographs_that_arrive_read_as_a_whole_session(void **state)
     tsuya_check_watch_free(watch);
 }
 
-static int tear_down(void **state)
-{
-    (void)state;
-    test_folder_remove();
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -228,5 +221,5 @@ int main(void)
         cmocka_unit_test(nothing_shared_says_nothing),
         cmocka_unit_test(photographs_that_arrive_read_as_a_whole_session),
     };
-    return cmocka_run_group_tests(tests, NULL, tear_down);
+    return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
 }

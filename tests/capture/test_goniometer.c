@@ -119,13 +119,6 @@ static void senseless_benches_are_refused(void **state)
     assert_false(tsuya_path_exists(test_path("none.csv")));
 }
 
-static int tear_down(void **state)
-{
-    (void)state;
-    test_folder_remove();
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -133,5 +126,5 @@ int main(void)
         cmocka_unit_test(a_bright_reading_is_marked_as_clipped), cmocka_unit_test(published_cloth_passes_through_the_bench),
         cmocka_unit_test(senseless_benches_are_refused),
     };
-    return cmocka_run_group_tests(tests, NULL, tear_down);
+    return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
 }

@@ -124,18 +124,11 @@ static void test_refusals(void **state)
     assert_fails(tsuya_irawan_load(&cloth, test_path("none.txt"), "lame"), "none.txt");
 }
 
-static int teardown(void **state)
-{
-    (void)state;
-    test_folder_remove();
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_follows_its_definition), cmocka_unit_test(test_published_weaves), cmocka_unit_test(test_where_the_light_lies),
         cmocka_unit_test(test_refusals),
     };
-    return cmocka_run_group_tests(tests, NULL, teardown);
+    return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
 }

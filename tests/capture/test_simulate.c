@@ -256,13 +256,6 @@ static void subdividing_keeps_a_flat_sheet(void **state)
     }
 }
 
-static int tear_down(void **state)
-{
-    (void)state;
-    test_folder_remove();
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -270,5 +263,5 @@ int main(void)
         cmocka_unit_test(board_photographs_agree_with_mrcal),  cmocka_unit_test(far_cloth_has_the_reflectance_of_its_truth),
         cmocka_unit_test(the_mosaic_keeps_planes),             cmocka_unit_test(subdividing_keeps_a_flat_sheet),
     };
-    return cmocka_run_group_tests(tests, NULL, tear_down);
+    return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
 }

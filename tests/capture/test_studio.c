@@ -252,13 +252,6 @@ static void exif_reads_back(void **state)
     tsuya_image_free(&back);
 }
 
-static int tear_down(void **state)
-{
-    (void)state;
-    test_folder_remove();
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -271,5 +264,5 @@ int main(void)
         cmocka_unit_test(the_mosaic_lies_on_the_photon_transfer_line),
         cmocka_unit_test(exif_reads_back),
     };
-    return cmocka_run_group_tests(tests, NULL, tear_down);
+    return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
 }

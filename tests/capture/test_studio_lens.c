@@ -98,15 +98,8 @@ static void from_jpeg(void **state)
     lens_comes_back("jpg");
 }
 
-static int tear_down(void **state)
-{
-    (void)state;
-    test_folder_remove();
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(from_16_bits), cmocka_unit_test(from_jpeg)};
-    return cmocka_run_group_tests(tests, NULL, tear_down);
+    return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
 }

@@ -12,13 +12,6 @@ static int make_path(void **state)
     return 0;
 }
 
-static int remove_path(void **state)
-{
-    (void)state;
-    test_folder_remove();
-    return 0;
-}
-
 static tsuya_status load_bytes(tsuya_mesh *mesh, const void *bytes, size_t size)
 {
     unlink(path); /* ext4 would wait for the disk when a file is cut and written again */
@@ -382,5 +375,5 @@ int main(void)
         cmocka_unit_test(what_cannot_be_read_back_is_not_written),
         cmocka_unit_test(every_allocation_may_fail),
     };
-    return cmocka_run_group_tests(tests, make_path, remove_path);
+    return cmocka_run_group_tests(tests, make_path, test_folder_tear_down);
 }

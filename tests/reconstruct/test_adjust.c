@@ -159,13 +159,6 @@ static void test_empty_model_stays(void **state)
     tsuya_sparse_model_free(&m);
 }
 
-static int remove_folder(void **state)
-{
-    (void)state;
-    test_folder_remove();
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -173,5 +166,5 @@ int main(void)
         cmocka_unit_test(test_known_lens_stays_and_twice_is_the_same),
         cmocka_unit_test(test_empty_model_stays),
     };
-    return cmocka_run_group_tests(tests, NULL, remove_folder);
+    return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
 }

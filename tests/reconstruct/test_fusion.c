@@ -313,13 +313,6 @@ static void broken_maps_are_refused(void **state)
     assert_int_equal(run_fusion(&cloud, &fusion_info, folder, 2), TSUYA_ERROR_INPUT);
 }
 
-static int finish(void **state)
-{
-    (void)state;
-    test_folder_remove();
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -333,5 +326,5 @@ int main(void)
         cmocka_unit_test(faults_are_named),
         cmocka_unit_test(broken_maps_are_refused),
     };
-    return cmocka_run_group_tests(tests, NULL, finish);
+    return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
 }

@@ -216,13 +216,6 @@ static void test_two_views_come_back(void **state)
     assert_int_equal(read.kind, 0);
 }
 
-static int remove_folder(void **state)
-{
-    (void)state;
-    test_folder_remove();
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -230,5 +223,5 @@ int main(void)
         cmocka_unit_test(test_images_are_numbered_by_name), cmocka_unit_test(test_damaged_features_are_refused),
         cmocka_unit_test(test_two_views_come_back),
     };
-    return cmocka_run_group_tests(tests, NULL, remove_folder);
+    return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
 }

@@ -163,13 +163,6 @@ static void every_allocation_may_fail(void **state)
     tsuya_mesh_free(&mesh);
 }
 
-static int remove_folder(void **state)
-{
-    (void)state;
-    test_folder_remove();
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -180,5 +173,5 @@ int main(void)
         cmocka_unit_test(distances_to_marks_are_exact),
         cmocka_unit_test(every_allocation_may_fail),
     };
-    return cmocka_run_group_tests(tests, NULL, remove_folder);
+    return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
 }

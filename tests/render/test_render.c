@@ -28,13 +28,6 @@ static int set_up(void **state)
     return status == TSUYA_OK ? 0 : -1;
 }
 
-static int tear_down(void **state)
-{
-    (void)state;
-    test_folder_remove();
-    return 0;
-}
-
 static tsuya_render_options small_options(const char *name)
 {
     tsuya_render_options o = tsuya_render_options_default();
@@ -330,5 +323,5 @@ int main(void)
         cmocka_unit_test(test_like),
         cmocka_unit_test(test_refusals),
     };
-    return cmocka_run_group_tests(tests, set_up, tear_down);
+    return cmocka_run_group_tests(tests, set_up, test_folder_tear_down);
 }
