@@ -170,22 +170,40 @@ static tsuya_status report(const row *rows, int count, int truths, const compare
     return status;
 }
 
+/* The errors that some model has, model by model; returns how many. */
+static int errors(double *value, const char **name, const row *rows, int count, int truths, const compare_input *input)
+{
+    static const char *const own_name[3] = {"fit", "held-out tilts", "held-out azimuth"};
+    double all[3 + TRUTHS][TSUYA_FIT_MODELS];
+    int series = 0;
+    for (int s = 0; s < 3 + truths; ++s) {
+        bool any = false;
+        for (int m = 0; m < count; ++m) {
+            const tsuya_fit_info *i = &rows[m].info;
+            const double own[3] = {i->fit.cbrt, i->heldout_tilts.cbrt, i->heldout_azimuth.cbrt};
+            all[series][m] = s < 3 ? own[s] : rows[m].truth[s - 3];
+            any |= isfinite(all[series][m]);
+        }
+        name[series] = s < 3 ? own_name[s] : tsuya_path_name(input->truth[s - 3]);
+        series += any;
+    }
+    for (int m = 0; m < count; ++m) {
+        for (int s = 0; s < series; ++s) {
+            value[m * series + s] = all[s][m];
+        }
+    }
+    return series;
+}
+
 /* compare.png beside compare.csv */
 static tsuya_status draw(const char *csv, const row *rows, int count, int truths, const compare_input *input)
 {
-    const char *model[TSUYA_FIT_MODELS], *name[3 + TRUTHS] = {"fit", "held-out tilts", "held-out azimuth"};
+    const char *model[TSUYA_FIT_MODELS], *name[3 + TRUTHS + 1];
     double value[TSUYA_FIT_MODELS * (3 + TRUTHS)], ns[TSUYA_FIT_MODELS];
-    int series = 3 + truths, stem = (int)(strlen(csv) - strlen(tsuya_path_extension(csv)));
-    for (int t = 0; t < truths; ++t) {
-        name[3 + t] = tsuya_path_name(input->truth[t]);
-    }
+    int series = errors(value, name, rows, count, truths, input), stem = (int)(strlen(csv) - strlen(tsuya_path_extension(csv)));
     for (int m = 0; m < count; ++m) {
-        const tsuya_fit_info *i = &rows[m].info;
-        const double own[3] = {i->fit.cbrt, i->heldout_tilts.cbrt, i->heldout_azimuth.cbrt};
-        memcpy(value + m * series, own, sizeof own);
-        memcpy(value + m * series + 3, rows[m].truth, (size_t)truths * sizeof *value);
-        model[m] = i->model;
-        ns[m] = i->eval_ns;
+        model[m] = rows[m].info.model;
+        ns[m] = rows[m].info.eval_ns;
     }
     char *path = tsuya_calloc((size_t)stem + 5, 1);
     if (!path) {

@@ -198,6 +198,9 @@ static void test_compare_draws_and_takes_spectra(void **state)
     assert_int_equal(run("brdf compare bench.csv --threads 1 --truth bench.csv -o all/"), 0);
     assert_picture("all/compare.png", 1000, 560);
     assert_says("tanaka");
+    write_bench("one.csv", 30, 30, 180); /* one azimuth: none can be held out, and the picture has no bars for it */
+    assert_int_equal(run("brdf compare one.csv --threads 1 -o one/"), 0);
+    assert_picture("one/compare.png", 1000, 560);
     assert_refused("brdf compare bench.csv --with bench.csv -o all/", "bench.csv with bench.csv");
     assert_int_equal(run("brdf compare bench.csv --channels xyz"), 2);
 }
