@@ -21,18 +21,20 @@ static double gaussian(double width_rad, double x)
     return exp(-0.5 * x * x / (width_rad * width_rad)) / (width_rad * sqrt(2.0 * M_PI));
 }
 
-/* Wraps a difference of angles to [−π, π]. */
-static double wrapped(double a) { return remainder(a, 2.0 * M_PI); }
-
-static double shadow(double a, double b)
+/* Of two angles from a plane's normal, by their cosines and the cosine of their difference. */
+static double shadow(double ca, double cb, double cd)
 {
-    double width = tsuya_rad_from_deg(20.0), d = wrapped(a - b), u = exp(-0.5 * d * d / (width * width));
-    double ca = fmax(cos(a), 0.0), cb = fmax(cos(b), 0.0);
+    double width = tsuya_rad_from_deg(20.0), d = acos(fmin(fmax(cd, -1.0), 1.0)), u = exp(-0.5 * d * d / (width * width));
+    ca = fmax(ca, 0.0);
+    cb = fmax(cb, 0.0);
     return (1.0 - u) * ca * cb + u * fmin(ca, cb);
 }
 
+/* Cosine of half an angle in [0, π]. */
+static double half_cosine(double cosine) { return sqrt(fmax(0.5 * (1.0 + cosine), 0.0)); }
+
 typedef struct sums {
-    double light[3], weight; /* Σ f M P cosθi, Σ P */
+    double light[3], back[3], weight; /* Σ f M P cosθi, the same with light and viewer exchanged, Σ P */
 } sums;
 
 /* One cylinder with its axis tipped by `offset` out of the plane. */
@@ -41,18 +43,22 @@ static void add_cylinder(sums *s, const tsuya_microcylinder_thread *p, tsuya_vec
 {
     double c = cos(offset), n = sin(offset);
     tsuya_vec3 t = {c * along.x, c * along.y, n}, up = {-n * along.x, -n * along.y, c}, b = tsuya_vec3_cross(up, t);
-    double ti = tsuya_vec3_dot(wi, t), tr = tsuya_vec3_dot(wo, t), ni = tsuya_vec3_dot(wi, up), nr = tsuya_vec3_dot(wo, up);
-    double theta_i = asin(fmin(fmax(ti, -1.0), 1.0)), theta_r = asin(fmin(fmax(tr, -1.0), 1.0));
-    double phi_i = atan2(tsuya_vec3_dot(wi, b), ni), phi_r = atan2(tsuya_vec3_dot(wo, b), nr);
-    double theta_h = 0.5 * (theta_i + theta_r), theta_d = 0.5 * (theta_i - theta_r), half = 0.5 * wrapped(phi_i - phi_r);
-    double cd = cos(theta_d), ci = cos(theta_i), cr = cos(theta_r);
-    double surface = fresnel(cd * cos(half), p->eta) * cos(half) * gaussian(tsuya_rad_from_deg(p->surface_deg), theta_h);
+    double ti = fmin(fmax(tsuya_vec3_dot(wi, t), -1.0), 1.0), tr = fmin(fmax(tsuya_vec3_dot(wo, t), -1.0), 1.0);
+    double ni = tsuya_vec3_dot(wi, up), nr = tsuya_vec3_dot(wo, up), bi = tsuya_vec3_dot(wi, b), br = tsuya_vec3_dot(wo, b);
+    double ci = sqrt(1.0 - ti * ti), cr = sqrt(1.0 - tr * tr), across = fmax(ci * cr, 1e-12); /* cosines of the inclinations θ */
+    double theta_h = 0.5 * (asin(ti) + asin(tr)), turn = fmin(fmax((ni * nr + bi * br) / across, -1.0), 1.0); /* cos(φi − φr) */
+    double cd = half_cosine(ci * cr + ti * tr), half = half_cosine(turn);
+    double surface = fresnel(cd * half, p->eta) * half * gaussian(tsuya_rad_from_deg(p->surface_deg), theta_h);
     double through = (1.0 - fresnel(ci, p->eta)) * (1.0 - fresnel(cr, p->eta)) / fmax(ci + cr, 1e-9);
     double volume = through * ((1.0 - p->isotropic) * gaussian(tsuya_rad_from_deg(p->volume_deg), theta_h) + p->isotropic);
-    double reweight = shadow(atan2(ti, ni), atan2(tr, nr));
-    double k = share * shadow(phi_i, phi_r) * reweight * ci / fmax(cd * cd, 1e-9);
+    /* angles in the plane along the yarn */
+    double pi = fmax(hypot(ti, ni), 1e-12), pr = fmax(hypot(tr, nr), 1e-12);
+    double reweight = shadow(ni / pi, nr / pr, (ni * nr + ti * tr) / (pi * pr));
+    double k = share * shadow(ni / fmax(ci, 1e-12), nr / fmax(cr, 1e-12), turn) * reweight / fmax(cd * cd, 1e-9);
     for (int j = 0; j < 3; ++j) {
-        s->light[j] += k * (surface + volume * p->albedo[j]);
+        double f = k * (surface + volume * p->albedo[j]);
+        s->light[j] += f * ci;
+        s->back[j] += f * cr;
     }
     s->weight += share * reweight;
 }
@@ -84,26 +90,33 @@ static tsuya_vec3 not_grazing(tsuya_vec3 w)
     return (tsuya_vec3){k * w.x, k * w.y, z};
 }
 
-void tsuya_microcylinder_eval(const tsuya_microcylinder *cloth, tsuya_vec3 wi, tsuya_vec3 wo, double value[3])
+void tsuya_microcylinder_eval_ways(const tsuya_microcylinder *cloth, tsuya_vec3 wi, tsuya_vec3 wo, double value[3], double back[3])
 {
     memset(value, 0, 3 * sizeof *value);
+    memset(back, 0, 3 * sizeof *back);
     if (!(wi.z > 0.0 && wo.z > 0.0)) {
         return;
     }
     tsuya_vec3 i = not_grazing(wi), o = not_grazing(wo);
     sums warp = thread_sums(&cloth->warp, cloth->step_deg, (tsuya_vec3){0, 1, 0}, i, o), weft = thread_sums(&cloth->weft, cloth->step_deg, (tsuya_vec3){1, 0, 0}, i, o);
-    double a = cloth->warp.area, b = cloth->weft.area;
-    double q = a * warp.weight + b * weft.weight + fmax(1.0 - a - b, 0.0) * o.z;
-    for (int j = 0; j < 3 && q > 0.0; ++j) {
-        value[j] = (a * warp.light[j] + b * weft.light[j]) / (q * i.z);
+    double a = cloth->warp.area, b = cloth->weft.area, threads = a * warp.weight + b * weft.weight, gaps = fmax(1.0 - a - b, 0.0);
+    double from_o = (threads + gaps * o.z) * i.z, from_i = (threads + gaps * i.z) * o.z;
+    for (int j = 0; j < 3; ++j) {
+        value[j] = from_o > 0.0 ? (a * warp.light[j] + b * weft.light[j]) / from_o : 0.0;
+        back[j] = from_i > 0.0 ? (a * warp.back[j] + b * weft.back[j]) / from_i : 0.0;
     }
+}
+
+void tsuya_microcylinder_eval(const tsuya_microcylinder *cloth, tsuya_vec3 wi, tsuya_vec3 wo, double value[3])
+{
+    double back[3];
+    tsuya_microcylinder_eval_ways(cloth, wi, wo, value, back);
 }
 
 void tsuya_microcylinder_eval_reciprocal(const tsuya_microcylinder *cloth, tsuya_vec3 wi, tsuya_vec3 wo, double value[3])
 {
     double one[3], other[3];
-    tsuya_microcylinder_eval(cloth, wi, wo, one);
-    tsuya_microcylinder_eval(cloth, wo, wi, other);
+    tsuya_microcylinder_eval_ways(cloth, wi, wo, one, other);
     for (int j = 0; j < 3; ++j) {
         value[j] = sqrt(fmax(one[j], 0.0) * fmax(other[j], 0.0));
     }

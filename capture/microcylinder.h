@@ -28,6 +28,8 @@ TSUYA_MUST_CHECK tsuya_status tsuya_microcylinder_load(tsuya_microcylinder *clot
 
 /* BRDF in sr⁻¹, r g b; 0 under the surface.  As published it is not reciprocal. */
 void tsuya_microcylinder_eval(const tsuya_microcylinder *cloth, tsuya_vec3 wi, tsuya_vec3 wo, double value[3]);
+/* Both ways at once: back, with light and viewer exchanged. */
+void tsuya_microcylinder_eval_ways(const tsuya_microcylinder *cloth, tsuya_vec3 wi, tsuya_vec3 wo, double value[3], double back[3]);
 /* The geometric mean of both orders, which is. */
 void tsuya_microcylinder_eval_reciprocal(const tsuya_microcylinder *cloth, tsuya_vec3 wi, tsuya_vec3 wo, double value[3]);
 

@@ -10,7 +10,7 @@
 #include <string.h>
 
 static const double WHITE = 1.15; /* albedo that fills the well at 0 EV */
-const float tsuya_simulate_swatch_dye[3] = {0.36f, 0.30f, 0.25f};
+static const float SWATCH_DYE[3] = {0.36f, 0.30f, 0.25f};
 
 const char *tsuya_simulate_path(const simulation *s, const char *name) { return tsuya_arena_printf(s->scene->arena, "%s/%s", s->folder, name); }
 
@@ -41,7 +41,7 @@ tsuya_studio_shot tsuya_simulate_shot(const simulation *s, tsuya_pose pose, doub
     const tsuya_scene_camera *c = &s->scene->camera;
     double focal_m = 1e-3 * s->camera.fx_px * c->sensor_mm / s->camera.width_px;
     return (tsuya_studio_shot){.camera = s->camera, .camera_from_world = pose, .aperture_m = c->f_number > 0.0 ? 0.5 * focal_m / c->f_number : 0.0,
-                               .focus_m = focus_m, .vignetting = c->vignetting, .spp = c->spp, .stream = SIMULATE_SHOTS + stream};
+                               .focus_m = focus_m, .vignetting = c->vignetting, .blur_px = c->blur_px, .spp = c->spp, .stream = SIMULATE_SHOTS + stream};
 }
 
 static tsuya_status save_mask(const tsuya_image *coverage, const char *path)
@@ -137,28 +137,28 @@ tsuya_status tsuya_simulate_write_grid(const simulation *s, const char *name, co
 
 void tsuya_simulate_reflect(const void *user, tsuya_vec3 wi, tsuya_vec3 wo, double rgb[3])
 {
-    const tsuya_microcylinder *cloth = user;
-    if (cloth) {
-        tsuya_studio_reflectance(cloth, tsuya_simulate_swatch_dye, wi, wo, rgb);
+    const simulation *s = user;
+    if (s->cloth) {
+        tsuya_studio_reflectance(s->cloth, s->swatch_dye, wi, wo, rgb);
         return;
     }
     for (int c = 0; c < 3; c++) {
-        rgb[c] = (double)tsuya_simulate_swatch_dye[c] / M_PI;
+        rgb[c] = (double)s->swatch_dye[c] / M_PI;
     }
 }
 
-static tsuya_status write_goniometer(const simulation *s, const tsuya_microcylinder *cloth)
+static tsuya_status write_goniometer(const simulation *s)
 {
     tsuya_goniometer bench = tsuya_goniometer_default();
     const char *path = tsuya_simulate_path(s, "goniometer.csv");
     bench.azimuth_step_deg = s->scene->goniometer.azimuth_step_deg;
     bench.tilt_step_deg = s->scene->goniometer.tilt_step_deg;
     bench.gain_noise = s->scene->goniometer.noise;
-    return path ? tsuya_goniometer_write(path, &bench, tsuya_simulate_reflect, cloth, s->context) : TSUYA_ERROR_MEMORY;
+    return path ? tsuya_goniometer_write(path, &bench, tsuya_simulate_reflect, s, s->context) : TSUYA_ERROR_MEMORY;
 }
 
 /* Directions over both hemispheres, without noise. */
-static tsuya_status write_reflectance(const simulation *s, const tsuya_microcylinder *cloth)
+static tsuya_status write_reflectance(const simulation *s)
 {
     enum { DIRECTIONS = 2000 };
     tsuya_file_writer w;
@@ -177,7 +177,7 @@ static tsuya_status write_reflectance(const simulation *s, const tsuya_microcyli
         double pi = round(36000.0 * u[2]) / 100.0, po = round(36000.0 * u[3]) / 100.0, a = tsuya_rad_from_deg(ti), b = tsuya_rad_from_deg(to);
         tsuya_vec3 wi = {sin(a) * cos(tsuya_rad_from_deg(pi)), sin(a) * sin(tsuya_rad_from_deg(pi)), cos(a)};
         tsuya_vec3 wo = {sin(b) * cos(tsuya_rad_from_deg(po)), sin(b) * sin(tsuya_rad_from_deg(po)), cos(b)};
-        tsuya_simulate_reflect(cloth, wi, wo, rgb);
+        tsuya_simulate_reflect(s, wi, wo, rgb);
         fprintf(w.stream, "%.2f,%.2f,%.2f,%.2f,%.7g,%.7g,%.7g\n", ti, pi, to, po, rgb[0], rgb[1], rgb[2]);
     }
     return tsuya_file_commit(&w);
@@ -253,17 +253,16 @@ static tsuya_status write_job(const simulation *s, const simulate_view *view, in
     bool calibrated = scene->has_board && scene->board.photos > 0;
     return tsuya_simulate_write(s, "JOB.yaml", tsuya_arena_printf(scene->arena,
         "# Photographs that `tsuya capture simulate` made; truth/ holds what they were made of, and no stage reads it.\n"
-        "name: %s\nphotos: photos/\nmasks: masks/\n%s%s%shold_out: [%s]\nrender:\n"
+        "name: %s\nphotos: photos/\nmasks: masks/\n%s%s%s%shold_out: [%s]\nrender:\n"
         "  - {name: turntable, views: 8, size: [640, 480]}\n%s", scene->name,
         calibrated ? "camera: {board: board.yaml, photos: board/}\n" : "",
-        scene->has_mat ? "scale: {board: mat.yaml}\n" : "", scene->has_goniometer ? "materials:\n  - {name: cloth, samples: goniometer.csv}\n" : "", hold_out ? hold_out : "",
+        scene->has_mat ? "scale: {board: mat.yaml}\n" : "", scene->has_goniometer ? "materials:\n  - {name: cloth, samples: goniometer.csv}\n" : "", scene->lamps_measured ? "lights: lights.json\n" : "", hold_out ? hold_out : "",
         scene->hold_out > 0 ? "  - {name: as-photographed, like: photos/}\n" : ""));
 }
 
 static tsuya_status write_truth(const simulation *s, const tsuya_studio_cloth *cloth, const simulate_view *view, int count, const char *lights,
                                 const tsuya_studio_prop *prop, int props)
 {
-    const tsuya_microcylinder *reflectance = tsuya_simulate_reflectance(s->scene);
     const char *mesh = tsuya_simulate_path(s, "truth/mesh.ply"), *camera = tsuya_simulate_path(s, "truth/camera.cameramodel");
     if (!mesh || !camera) {
         return TSUYA_ERROR_MEMORY;
@@ -272,11 +271,11 @@ static tsuya_status write_truth(const simulation *s, const tsuya_studio_cloth *c
     TSUYA_TRY(tsuya_ply_save(&cloth->mesh, mesh, NULL));
     TSUYA_TRY(tsuya_cameramodel_save(&s->camera, tsuya_pose_identity(), camera));
     TSUYA_TRY(tsuya_simulate_write(s, "truth/lights.json", lights));
-    TSUYA_TRY(write_reflectance(s, reflectance));
+    TSUYA_TRY(write_reflectance(s));
     TSUYA_TRY(write_chart(s, prop, props));
     TSUYA_TRY(s->scene->has_mat ? tsuya_simulate_write_grid(s, "mat.yaml", &s->scene->mat) : TSUYA_OK);
     TSUYA_TRY(s->scene->has_board ? tsuya_simulate_write_grid(s, "board.yaml", &s->scene->board) : TSUYA_OK);
-    TSUYA_TRY(s->scene->has_goniometer ? write_goniometer(s, reflectance) : TSUYA_OK);
+    TSUYA_TRY(s->scene->has_goniometer ? write_goniometer(s) : TSUYA_OK);
     return write_job(s, view, count);
 }
 
@@ -313,19 +312,20 @@ static tsuya_status cloth_session(simulation *s, tsuya_simulate_info *info)
     tsuya_light_set lights = {0};
     tsuya_studio *studio = NULL;
     tsuya_studio_weave weave = tsuya_simulate_weave(s->scene, s->context->seed);
-    tsuya_studio_options options = {.samples = 25, .prop = prop, .cloth = tsuya_simulate_reflectance(s->scene)};
+    tsuya_studio_options options = {.samples = 25, .prop = prop, .cloth = s->cloth};
     simulate_view *view;
     tsuya_vec3 low, high;
-    const char *json;
+    const char *json, *measured;
     TSUYA_GOTO_DONE(status, tsuya_simulate_cloth(&cloth, info, s->scene, &weave, s->context));
     double start_s = tsuya_clock_s();
     tsuya_mesh_bounds(&cloth.mesh, &low, &high);
     TSUYA_GOTO_DONE(status, tsuya_simulate_props(prop, &options.prop_count, s->scene));
-    TSUYA_GOTO_DONE(status, tsuya_simulate_lights(&json, s->scene, low, high));
+    TSUYA_GOTO_DONE(status, tsuya_simulate_lights(&json, &measured, s->scene, low, high, s->context->seed));
     TSUYA_GOTO_DONE(status, tsuya_light_set_parse(&lights, json, s->scene->path, s->folder));
     TSUYA_GOTO_DONE(status, tsuya_simulate_views(&view, &info->photos, s->scene, &s->camera, &cloth, s->context->seed));
     TSUYA_GOTO_DONE(status, tsuya_studio_create(&studio, &cloth, &weave, &lights, &options, s->context));
     TSUYA_GOTO_DONE(status, photograph_cloth(s, studio, view, info->photos));
+    TSUYA_GOTO_DONE(status, s->scene->lamps_measured ? tsuya_simulate_write(s, "lights.json", measured) : TSUYA_OK);
     TSUYA_GOTO_DONE(status, write_truth(s, &cloth, view, info->photos, json, prop, options.prop_count));
     info->photos_s = tsuya_clock_s() - start_s;
 done:
@@ -341,9 +341,13 @@ done:
 tsuya_status tsuya_simulate(tsuya_simulate_info *info, const tsuya_simulate_scene *scene, const char *folder, const tsuya_context *context)
 {
     tsuya_context own = *context;
-    simulation s = {.scene = scene, .context = &own, .folder = folder};
+    const double *dye = scene->goniometer.dye.item;
+    simulation s = {.scene = scene, .context = &own, .folder = folder, .cloth = tsuya_simulate_reflectance(scene)};
     *info = (tsuya_simulate_info){0};
     own.seed = (uint64_t)scene->seed;
+    for (int c = 0; c < 3; c++) {
+        s.swatch_dye[c] = dye ? (float)dye[c] : SWATCH_DYE[c];
+    }
     TSUYA_TRY(tsuya_simulate_camera(&s.camera, scene));
     set_camera(&s);
     TSUYA_TRY(tsuya_folder_make(folder));

@@ -29,7 +29,7 @@ typedef struct tsuya_scene_stand {
 typedef struct tsuya_scene_camera {
     const char *model, *format;              /* model: a .cameramodel instead of size, focal and distortion; format: jpg or tif */
     tsuya_yaml_list size, distortion, center_px;
-    double focal_px, sensor_mm, f_number, vignetting, full_well_e, read_noise_e, exposure_ev;
+    double focal_px, sensor_mm, f_number, vignetting, blur_px, full_well_e, read_noise_e, exposure_ev;
     bool bayer;
     int jpeg_quality, spp;
 } tsuya_scene_camera;
@@ -53,6 +53,7 @@ typedef struct tsuya_scene_tags {
 typedef struct tsuya_scene_goniometer {
     double azimuth_step_deg, tilt_step_deg, noise;
     bool photos, spectra;                          /* of the swatch with tags on the stage; of a spectroradiometer */
+    tsuya_yaml_list dye;                           /* of the swatch, r g b */
 } tsuya_scene_goniometer;
 
 typedef struct tsuya_simulate_scene {
@@ -63,7 +64,7 @@ typedef struct tsuya_simulate_scene {
     tsuya_yaml_list views, lamps;                  /* of tsuya_scene_view, tsuya_scene_lamp */
     tsuya_scene_tags mat, board;
     tsuya_scene_goniometer goniometer;
-    bool has_mat, has_board, has_goniometer, chart;
+    bool has_mat, has_board, has_goniometer, chart, lamps_measured;
     int seed, hold_out;
     tsuya_arena *arena;
 } tsuya_simulate_scene;

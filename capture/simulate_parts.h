@@ -8,7 +8,7 @@
 
 enum { SIMULATE_BODIES = 4, SIMULATE_PROPS = 8 };
 /* Streams of random numbers; photographs take theirs in steps from the last two. */
-enum { SIMULATE_START = 40, SIMULATE_POSES = 50, SIMULATE_CLOSE = 51, SIMULATE_BOARD = 52, SIMULATE_SHOTS = 100000, SIMULATE_NOISE = 200000 };
+enum { SIMULATE_START = 40, SIMULATE_POSES = 50, SIMULATE_CLOSE = 51, SIMULATE_BOARD = 52, SIMULATE_LAMPS = 53, SIMULATE_SHOTS = 100000, SIMULATE_NOISE = 200000 };
 
 /* Where the stand's foot is in the job's frame. */
 tsuya_vec3 tsuya_simulate_foot(const tsuya_simulate_scene *scene);
@@ -33,6 +33,7 @@ TSUYA_MUST_CHECK tsuya_status tsuya_simulate_views(simulate_view **view, int *co
 /* The board before the camera, number `i`: world_from_board with the camera at the origin. */
 tsuya_pose tsuya_simulate_board_pose(double *distance_m, const tsuya_simulate_scene *scene, const tsuya_camera *camera, int i, uint64_t seed);
 /* Lamps as the JSON that render reads, in the job's frame; in the scene's arena. */
-TSUYA_MUST_CHECK tsuya_status tsuya_simulate_lights(const char **json, const tsuya_simulate_scene *scene, tsuya_vec3 low, tsuya_vec3 high);
+TSUYA_MUST_CHECK tsuya_status tsuya_simulate_lights(const char **json, const char **measured, const tsuya_simulate_scene *scene, tsuya_vec3 low,
+                                                    tsuya_vec3 high, uint64_t seed);
 
 #endif

@@ -38,7 +38,7 @@ static const tsuya_yaml_field camera_fields[] = {
     FIELD(tsuya_scene_camera, vignetting, TSUYA_YAML_NUMBER),   FIELD(tsuya_scene_camera, full_well_e, TSUYA_YAML_NUMBER),
     FIELD(tsuya_scene_camera, read_noise_e, TSUYA_YAML_NUMBER), FIELD(tsuya_scene_camera, exposure_ev, TSUYA_YAML_NUMBER),
     FIELD(tsuya_scene_camera, bayer, TSUYA_YAML_BOOL),          FIELD(tsuya_scene_camera, jpeg_quality, TSUYA_YAML_INT),
-    FIELD(tsuya_scene_camera, spp, TSUYA_YAML_INT),             {0},
+    FIELD(tsuya_scene_camera, spp, TSUYA_YAML_INT),             FIELD(tsuya_scene_camera, blur_px, TSUYA_YAML_NUMBER), {0},
 };
 static const tsuya_yaml_field view_fields[] = {
     FIELD(tsuya_scene_view, count, TSUYA_YAML_INT),         FIELD(tsuya_scene_view, elevation_deg, TSUYA_YAML_NUMBER),
@@ -60,7 +60,7 @@ static const tsuya_yaml_field tags_fields[] = {
 static const tsuya_yaml_field goniometer_fields[] = {
     FIELD(tsuya_scene_goniometer, azimuth_step_deg, TSUYA_YAML_NUMBER), FIELD(tsuya_scene_goniometer, tilt_step_deg, TSUYA_YAML_NUMBER),
     FIELD(tsuya_scene_goniometer, noise, TSUYA_YAML_NUMBER), FIELD(tsuya_scene_goniometer, photos, TSUYA_YAML_BOOL),
-    FIELD(tsuya_scene_goniometer, spectra, TSUYA_YAML_BOOL), {0},
+    FIELD(tsuya_scene_goniometer, spectra, TSUYA_YAML_BOOL), FIELD(tsuya_scene_goniometer, dye, TSUYA_YAML_NUMBERS), {0},
 };
 static const tsuya_yaml_field scene_fields[] = {
     FIELD(tsuya_simulate_scene, name, TSUYA_YAML_TEXT),
@@ -73,7 +73,8 @@ static const tsuya_yaml_field scene_fields[] = {
     {.key = "views", .kind = TSUYA_YAML_RECORDS, .offset = offsetof(tsuya_simulate_scene, views), .fields = view_fields, .size = sizeof(tsuya_scene_view),
      .required = true},
     {.key = "lamps", .kind = TSUYA_YAML_RECORDS, .offset = offsetof(tsuya_simulate_scene, lamps), .fields = lamp_fields, .size = sizeof(tsuya_scene_lamp)},
-    FIELD(tsuya_simulate_scene, chart, TSUYA_YAML_BOOL), FIELD(tsuya_simulate_scene, seed, TSUYA_YAML_INT), FIELD(tsuya_simulate_scene, hold_out, TSUYA_YAML_INT), {0},
+    FIELD(tsuya_simulate_scene, chart, TSUYA_YAML_BOOL), FIELD(tsuya_simulate_scene, lamps_measured, TSUYA_YAML_BOOL),
+    FIELD(tsuya_simulate_scene, seed, TSUYA_YAML_INT), FIELD(tsuya_simulate_scene, hold_out, TSUYA_YAML_INT), {0},
 };
 
 typedef struct number_rule { size_t offset; const char *key; double fallback, low, high; } number_rule;
@@ -94,7 +95,7 @@ static const number_rule camera_numbers[] = {
     NUMBER(tsuya_scene_camera, focal_px, 1000, 20, 1e6),       NUMBER(tsuya_scene_camera, sensor_mm, 36, 1, 200),
     NUMBER(tsuya_scene_camera, f_number, 11, 0, 128),          NUMBER(tsuya_scene_camera, vignetting, 0.15, 0, 0.9),
     NUMBER(tsuya_scene_camera, full_well_e, 20000, 0, 1e7),    NUMBER(tsuya_scene_camera, read_noise_e, 4, 0, 1000),
-    NUMBER(tsuya_scene_camera, exposure_ev, 0, -6, 6),         {0},
+    NUMBER(tsuya_scene_camera, exposure_ev, 0, -6, 6),         NUMBER(tsuya_scene_camera, blur_px, 0, 0, 5), {0},
 };
 static const int_rule camera_ints[] = {NUMBER(tsuya_scene_camera, jpeg_quality, 95, 1, 100), NUMBER(tsuya_scene_camera, spp, 9, 1, 1024), {0}};
 static const number_rule view_numbers[] = {
@@ -178,6 +179,18 @@ static tsuya_status check_camera(const tsuya_simulate_scene *s, tsuya_scene_came
     return TSUYA_OK;
 }
 
+static tsuya_status check_dye(const char *path, const tsuya_yaml_list *dye)
+{
+    TSUYA_TRY(check_list(path, "goniometer: dye", dye, " 0 3 "));
+    for (int c = 0; c < dye->count; c++) {
+        double share = ((double *)dye->item)[c];
+        if (!(share >= 0.0 && share <= 1.0)) {
+            return tsuya_fail(TSUYA_ERROR_INPUT, "%s: goniometer: dye: %g; numbers from 0 to 1 are accepted", path, share);
+        }
+    }
+    return TSUYA_OK;
+}
+
 static tsuya_status check_lamp(const tsuya_simulate_scene *s, tsuya_scene_lamp *l)
 {
     static const char *const types[] = {"rect", "disk", "point", "environment", NULL};
@@ -229,6 +242,7 @@ static tsuya_status check(tsuya_simulate_scene *s)
     TSUYA_TRY(choose(s->path, "mat: family", &s->mat.family, families));
     TSUYA_TRY(choose(s->path, "board: family", &s->board.family, families));
     TSUYA_TRY(settle(s->path, "goniometer: ", &s->goniometer, goniometer_numbers, NULL));
+    TSUYA_TRY(check_dye(s->path, &s->goniometer.dye));
     for (int i = 0; i < s->lamps.count; i++) {
         TSUYA_TRY(check_lamp(s, (tsuya_scene_lamp *)s->lamps.item + i));
     }

@@ -12,9 +12,9 @@ typedef struct simulation {
     tsuya_camera camera;
     tsuya_studio_sensor sensor;
     tsuya_studio_exif exif;
+    const tsuya_microcylinder *cloth; /* how it shines; NULL: matt */
+    float swatch_dye[3];
 } simulation;
-
-extern const float tsuya_simulate_swatch_dye[3];
 
 /* FOLDER/NAME in the scene's arena; NULL when memory is short. */
 const char *tsuya_simulate_path(const simulation *s, const char *name);
@@ -28,7 +28,7 @@ TSUYA_MUST_CHECK tsuya_status tsuya_simulate_take(const simulation *s, const tsu
                                                   const char *mask, uint64_t stream);
 /* A COLMAP model of views with names and poses; ids are set here. */
 TSUYA_MUST_CHECK tsuya_status tsuya_simulate_write_model(const simulation *s, const char *folder_name, tsuya_view *view, int count);
-/* The swatch's reflectance; user: a microcylinder cloth or NULL. */
+/* The swatch's reflectance; user: the simulation. */
 void tsuya_simulate_reflect(const void *user, tsuya_vec3 wi, tsuya_vec3 wo, double rgb[3]);
 
 /* Photographs and spectra of the swatch on the stage, as the scene asks (capture/simulate_swatch.c). */

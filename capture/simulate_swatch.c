@@ -80,7 +80,6 @@ static tsuya_light lamp_at(tsuya_vec3 p)
 
 typedef struct stage {
     simulation *s;
-    const tsuya_microcylinder *reflectance;
     tsuya_goniometer bench;
     tsuya_studio_cloth cloth;
     tsuya_studio_prop plate;
@@ -108,7 +107,7 @@ static double full_radiance(const stage *g)
     double most = PAPER / M_PI, rgb[3];
     for (int k = 0; k < g->count; k++) {
         tsuya_vec3 wi = tsuya_vec3_unit(g->position[k].lamp_m), wo = tsuya_vec3_unit(tsuya_pose_center(g->position[k].camera_from_swatch));
-        tsuya_simulate_reflect(g->reflectance, wi, wo, rgb);
+        tsuya_simulate_reflect(g->s, wi, wo, rgb);
         most = fmax(most, wi.z * fmax(rgb[0], fmax(rgb[1], rgb[2])));
     }
     return SPARE * most;
@@ -121,7 +120,7 @@ static tsuya_status shoot(stage *g, int k)
     tsuya_studio *studio = NULL;
     tsuya_status status;
     tsuya_light lamp = lamp_at(g->position[k].lamp_m);
-    tsuya_studio_options options = {.samples = 16, .prop = &g->plate, .prop_count = 1, .cloth = g->reflectance};
+    tsuya_studio_options options = {.samples = 16, .prop = &g->plate, .prop_count = 1, .cloth = g->s->cloth};
     uint64_t stream = 4000 + (uint64_t)k;
     const char *name = tsuya_simulate_photo_name(s, "swatch", k), *path = name ? tsuya_arena_printf(s->scene->arena, "swatch/%s", name) : NULL;
     tsuya_studio_shot shot = tsuya_simulate_shot(s, g->position[k].camera_from_swatch, g->distance_m, stream);
@@ -204,10 +203,9 @@ static double ramp(double nm, double from, double to)
 }
 
 /* Smooth, and even for a grey dye: the three shares sum to 1. */
-static double dye_at(double nm)
+static double dye_at(const float d[3], double nm)
 {
     double red = ramp(nm, 560.0, 620.0), blue = 1.0 - ramp(nm, 470.0, 520.0);
-    const float *d = tsuya_simulate_swatch_dye;
     return red * (double)d[0] + (1.0 - red - blue) * (double)d[1] + blue * (double)d[2];
 }
 
@@ -217,12 +215,12 @@ static void write_spectrum(FILE *stream, const stage *g, double azimuth_deg, dou
     tsuya_vec3 wo = tsuya_goniometer_on_stage(in_lab(g->bench.view_theta_deg, g->bench.view_phi_deg), azimuth_deg, tilt_deg);
     const float dyes[3] = {0.0f, 1.0f, 0.0f};
     double ends[3] = {0.0, 1.0 / M_PI, 0.0}; /* without dye, with white dye */
-    if (g->reflectance) {
-        tsuya_studio_reflectance(g->reflectance, dyes, wi, wo, ends);
+    if (g->s->cloth) {
+        tsuya_studio_reflectance(g->s->cloth, dyes, wi, wo, ends);
     }
     fprintf(stream, "%g,%g", azimuth_deg, tilt_deg);
     for (int nm = NM_FIRST; nm <= NM_LAST; nm += NM_STEP) {
-        double f = ends[0] + dye_at(nm) * (ends[1] - ends[0]);
+        double f = ends[0] + dye_at(g->s->swatch_dye, nm) * (ends[1] - ends[0]);
         double noise = 1.0 + 0.5 * g->s->scene->goniometer.noise * tsuya_random_normal(g->s->context->seed, STREAM_SPECTRA, 1000 * row + (uint64_t)nm);
         fprintf(stream, ",%.7g", f * wi.z * noise);
     }
@@ -253,9 +251,9 @@ static tsuya_status write_spectra(const stage *g)
 
 tsuya_status tsuya_simulate_swatch(simulation *s, int *photos)
 {
-    stage g = {.s = s, .reflectance = tsuya_simulate_reflectance(s->scene), .bench = tsuya_goniometer_default(), .weave = tsuya_simulate_weave(s->scene, s->context->seed)};
+    stage g = {.s = s, .bench = tsuya_goniometer_default(), .weave = tsuya_simulate_weave(s->scene, s->context->seed)};
     tsuya_status status = TSUYA_OK;
-    g.weave.plain = tsuya_simulate_swatch_dye;
+    g.weave.plain = s->swatch_dye;
     g.distance_m = camera_distance(&s->camera);
     if (s->scene->goniometer.spectra) {
         status = write_spectra(&g);

@@ -278,7 +278,33 @@ static lamp given(const tsuya_scene_lamp *l, tsuya_vec3 foot, tsuya_vec3 middle)
     return own;
 }
 
-tsuya_status tsuya_simulate_lights(const char **json, const tsuya_simulate_scene *s, tsuya_vec3 low, tsuya_vec3 high)
+/* As a tape measure, an angle finder and a light meter give it. */
+static lamp measure(lamp l, int i, uint64_t seed)
+{
+    const double place_m = 0.005, angle = 0.01, level = 0.02;
+    double off[7], distance = tsuya_vec3_norm(tsuya_vec3_sub(l.aim, l.position));
+    for (int k = 0; k < 7; k++) {
+        off[k] = tsuya_random_normal(seed, SIMULATE_LAMPS, (uint64_t)(7 * i + k));
+    }
+    l.position = tsuya_vec3_mad(l.position, place_m, (tsuya_vec3){off[0], off[1], off[2]});
+    l.aim = tsuya_vec3_mad(l.aim, angle * distance, (tsuya_vec3){off[3], off[4], off[5]});
+    for (int c = 0; c < 3; c++) {
+        l.rgb[c] *= 1.0 + level * off[6];
+    }
+    return l;
+}
+
+static const char *lamps_json(const tsuya_simulate_scene *s, const lamp *l, int count)
+{
+    const char *text = "{\"lights\": [\n";
+    for (int i = 0; i < count && text; i++) {
+        const char *line = lamp_json(s, &l[i], i + 1 == count);
+        text = line ? tsuya_arena_printf(s->arena, "%s%s", text, line) : NULL;
+    }
+    return text ? tsuya_arena_printf(s->arena, "%s]}\n", text) : NULL;
+}
+
+tsuya_status tsuya_simulate_lights(const char **json, const char **measured, const tsuya_simulate_scene *s, tsuya_vec3 low, tsuya_vec3 high, uint64_t seed)
 {
     tsuya_vec3 foot = tsuya_simulate_foot(s), middle = tsuya_vec3_scale(tsuya_vec3_add(low, high), 0.5);
     double k = 0.5 * tsuya_vec3_norm(tsuya_vec3_sub(high, low)) / 0.17; /* a soft key, a fill, a dim room, as large as the subject asks */
@@ -288,12 +314,12 @@ tsuya_status tsuya_simulate_lights(const char **json, const tsuya_simulate_scene
         {.type = "environment", .rgb = {0.55, 0.55, 0.56}},
     };
     int count = s->lamps.count > 0 ? s->lamps.count : 3;
-    const char *text = "{\"lights\": [\n";
-    for (int i = 0; i < count && text; i++) {
-        lamp own = s->lamps.count > 0 ? given((const tsuya_scene_lamp *)s->lamps.item + i, foot, middle) : usual[i];
-        const char *line = lamp_json(s, &own, i + 1 == count);
-        text = line ? tsuya_arena_printf(s->arena, "%s%s", text, line) : NULL;
+    lamp *own = tsuya_arena_alloc(s->arena, (size_t)count, sizeof *own), *told = tsuya_arena_alloc(s->arena, (size_t)count, sizeof *told);
+    for (int i = 0; i < count && own && told; i++) {
+        own[i] = s->lamps.count > 0 ? given((const tsuya_scene_lamp *)s->lamps.item + i, foot, middle) : usual[i];
+        told[i] = measure(own[i], i, seed);
     }
-    *json = text ? tsuya_arena_printf(s->arena, "%s]}\n", text) : NULL;
-    return *json ? TSUYA_OK : TSUYA_ERROR_MEMORY;
+    *json = own && told ? lamps_json(s, own, count) : NULL;
+    *measured = own && told ? lamps_json(s, told, count) : NULL;
+    return *json && *measured ? TSUYA_OK : TSUYA_ERROR_MEMORY;
 }

@@ -7,6 +7,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* Streams of the blur, apart from those of the rays. */
+static const uint64_t BLUR = 0x626c757200000000;
+
 /* One mesh of everything: the cloth, then the props. */
 static tsuya_status build_mesh(tsuya_studio *s)
 {
@@ -168,6 +171,10 @@ static void shoot_pixel(const shooting *s, int x, int y, float *rgb, uint8_t *co
         uint64_t counter = pixel_number * (uint64_t)spp + (uint64_t)k;
         tsuya_vec2 pixel = {x - 0.5 + (k % s->side + tsuya_random_uniform(s->seed, shot->stream, 4 * counter)) / s->side,
                             y - 0.5 + (k / s->side + tsuya_random_uniform(s->seed, shot->stream, 4 * counter + 1)) / s->side};
+        if (shot->blur_px > 0.0) {
+            pixel.x += shot->blur_px * tsuya_random_normal(s->seed, BLUR + shot->stream, 2 * counter);
+            pixel.y += shot->blur_px * tsuya_random_normal(s->seed, BLUR + shot->stream, 2 * counter + 1);
+        }
         tsuya_vec3 direction, origin = s->eye;
         if (!tsuya_camera_unproject(&shot->camera, pixel, &direction)) {
             continue;
@@ -180,8 +187,8 @@ static void shoot_pixel(const shooting *s, int x, int y, float *rgb, uint8_t *co
                          {(float)direction.x, (float)direction.y, (float)direction.z}, 0.0f, INFINITY};
         tsuya_ray_hit hit;
         if (tsuya_ray_scene_intersect(s->studio->rays, &ray, &hit)) {
-            tsuya_studio_shade(s->studio, &hit, tsuya_vec3_mad(origin, (double)hit.distance, direction), direction, &cache, s->seed,
-                               pixel_number, sum);
+            double width = (double)hit.distance / (shot->camera.fx_px * s->side);
+            tsuya_studio_shade(s->studio, &hit, tsuya_vec3_mad(origin, (double)hit.distance, direction), direction, width, &cache, sum);
             covered += hit.triangle < s->studio->cloth_triangles;
         } else {
             background(s->studio, origin, direction, sum);

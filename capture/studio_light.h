@@ -39,8 +39,9 @@ typedef struct studio_cache {
     tsuya_vec3 n, wi[TSUYA_STUDIO_LAMPS];
     double surface[TSUYA_STUDIO_LAMPS][3], volume[TSUYA_STUDIO_LAMPS][3]; /* radiance under the whole lamp, of white dye */
 } studio_cache;
-void tsuya_studio_shade(const tsuya_studio *studio, const tsuya_ray_hit *hit, tsuya_vec3 p, tsuya_vec3 direction, studio_cache *cache,
-                        uint64_t seed, uint64_t counter, double rgb[3]);
+/* width_m: of what the ray stands for, at p, across it. */
+void tsuya_studio_shade(const tsuya_studio *studio, const tsuya_ray_hit *hit, tsuya_vec3 p, tsuya_vec3 direction, double width_m, studio_cache *cache,
+                        double rgb[3]);
 /* weave_shade and reflected. */
 void tsuya_studio_measure_gloss(tsuya_studio *studio);
 

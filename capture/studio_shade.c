@@ -1,8 +1,8 @@
 /* Threads under the vertices' light.
  *
  * Macroscopic reflectance (microcylinders) is found once a pixel and lamp, over places on the lamp; each ray of the pixel then
- * takes its yarn's relief and brightness as a factor whose mean over the weave is 1, so that what a far camera sees is the
- * macroscopic reflectance itself. */
+ * takes its yarns' relief and brightness as a factor whose mean over the weave is 1, so that what a far camera sees is the
+ * macroscopic reflectance itself.  A ray stands for a part of its pixel: where that is not small beside a yarn, four places in it. */
 #include "capture/studio_light.h"
 
 #include "render/frame.h"
@@ -10,7 +10,8 @@
 #include <math.h>
 #include <string.h>
 
-enum { STREAM_GLOSS = 3000, LAMP_SIDE = 2 };
+enum { LAMP_SIDE = 2, PARTS = 4 };
+static const double FINE = 0.1; /* of a yarn: one place is enough */
 static const double SAME_NORMAL = 0.9986; /* cos 3° */
 
 typedef struct place {
@@ -31,8 +32,7 @@ static tsuya_vec3 yarn_normal(const place *at, const tsuya_studio_yarn *yarn)
 static void eval(const tsuya_microcylinder *cloth, tsuya_vec3 wi, tsuya_vec3 wo, double *surface, double *volume)
 {
     double one[3], other[3];
-    tsuya_microcylinder_eval(cloth, wi, wo, one);
-    tsuya_microcylinder_eval(cloth, wo, wi, other);
+    tsuya_microcylinder_eval_ways(cloth, wi, wo, one, other);
     *surface = sqrt(fmax(one[1] * other[1], 0.0)); /* albedo 1, 0: the first channel holds both, the second the surface alone */
     *volume = sqrt(fmax((one[0] - one[1]) * (other[0] - other[1]), 0.0));
 }
@@ -120,7 +120,7 @@ void tsuya_studio_measure_gloss(tsuya_studio *s)
 }
 
 /* Surface and volume radiance under each whole lamp, and its mean direction. */
-static void fill_cache(studio_cache *cache, const tsuya_studio *s, const place *at, tsuya_vec3 p, tsuya_vec3 direction, uint64_t seed, uint64_t counter)
+static void fill_cache(studio_cache *cache, const tsuya_studio *s, const place *at, tsuya_vec3 p, tsuya_vec3 direction)
 {
     tsuya_microcylinder both = split(s->gloss);
     tsuya_vec3 x = at->weft, y = tsuya_vec3_cross(at->n, x);
@@ -130,9 +130,7 @@ static void fill_cache(studio_cache *cache, const tsuya_studio *s, const place *
         int drawn = 0;
         tsuya_vec3 mean = {0, 0, 0};
         for (int k = 0; k < LAMP_SIDE * LAMP_SIDE; k++) {
-            uint64_t c = 2 * (counter * LAMP_SIDE * LAMP_SIDE + (uint64_t)k);
-            double u[2] = {(k % LAMP_SIDE + tsuya_random_uniform(seed, (uint64_t)(STREAM_GLOSS + lamp), c)) / LAMP_SIDE,
-                           (k / LAMP_SIDE + tsuya_random_uniform(seed, (uint64_t)(STREAM_GLOSS + lamp), c + 1)) / LAMP_SIDE};
+            const double u[2] = {(k % LAMP_SIDE + 0.5) / LAMP_SIDE, (k / LAMP_SIDE + 0.5) / LAMP_SIDE};
             tsuya_light_sample sample;
             double surface, volume;
             drawn++;
@@ -171,7 +169,7 @@ static void around(const tsuya_studio *s, const place *at, double rgb[3])
     }
 }
 
-static void shade_matt(const tsuya_studio *s, const place *at, tsuya_vec3 n, const float albedo[3], double rgb[3])
+static void shade_matt(const tsuya_studio *s, const place *at, tsuya_vec3 n, const float albedo[3], double weight, double rgb[3])
 {
     double share = 0.5 + 0.5 * tsuya_vec3_dot(n, at->n), irradiance[3];
     around(s, at, irradiance);
@@ -190,14 +188,14 @@ static void shade_matt(const tsuya_studio *s, const place *at, tsuya_vec3 n, con
         }
     }
     for (int c = 0; c < 3; c++) {
-        rgb[c] += (double)albedo[c] * irradiance[c] / M_PI;
+        rgb[c] += weight * (double)albedo[c] * irradiance[c] / M_PI;
     }
 }
 
-static void shade_gloss(const tsuya_studio *s, const place *at, const tsuya_studio_yarn *yarn, const studio_cache *cache, double rgb[3])
+static void shade_gloss(const tsuya_studio *s, const place *at, const tsuya_studio_yarn *yarn, const studio_cache *cache, double weight, double rgb[3])
 {
     tsuya_vec3 n = yarn_normal(at, yarn);
-    double irradiance[3], shade = (double)yarn->shade / s->weave_shade;
+    double irradiance[3], shade = weight * (double)yarn->shade / s->weave_shade;
     tsuya_vec3 warp = tsuya_vec3_cross(at->n, at->weft);
     around(s, at, irradiance);
     for (int c = 0; c < 3; c++) {
@@ -209,26 +207,42 @@ static void shade_gloss(const tsuya_studio *s, const place *at, const tsuya_stud
             visible += at->w[k] * (double)s->visible[slot_of(s, at, k) * (size_t)s->lamp_count + (size_t)lamp];
         }
         tsuya_vec3 wi = {tsuya_vec3_dot(cache->wi[lamp], at->weft), tsuya_vec3_dot(cache->wi[lamp], warp), facing};
-        double relief = visible * (double)yarn->shade * fmax(0.0, tsuya_vec3_dot(n, cache->wi[lamp])) / (fmax(facing, FACING_LEAST) * relief_at(s, wi));
+        double relief = weight * visible * (double)yarn->shade * fmax(0.0, tsuya_vec3_dot(n, cache->wi[lamp])) / (fmax(facing, FACING_LEAST) * relief_at(s, wi));
         for (int c = 0; c < 3; c++) {
             rgb[c] += relief * (cache->surface[lamp][c] + cache->volume[lamp][c] * (double)yarn->dye[c]);
         }
     }
 }
 
-static tsuya_studio_yarn yarn_at(const tsuya_studio *s, const place *at)
+/* Material coordinates of a hit, and how they run across the ray: of two steps at right angles to it, `width_m` long. */
+static void material_at(double uv[2], double step[2][2], const tsuya_studio *s, const place *at, tsuya_vec3 direction, double width_m)
 {
-    const float *uv = s->cloth->uv;
-    double u = 0.0, v = 0.0;
-    for (int k = 0; k < 3; k++) {
-        u += at->w[k] * (double)uv[2 * at->t[k]];
-        v += at->w[k] * (double)uv[2 * at->t[k] + 1];
+    tsuya_vec3 side = tsuya_vec3_unit(tsuya_vec3_cross(direction, fabs(direction.z) < 0.9 ? (tsuya_vec3){0, 0, 1} : (tsuya_vec3){1, 0, 0}));
+    const tsuya_vec3 across[2] = {side, tsuya_vec3_cross(direction, side)};
+    double facing = fmin(tsuya_vec3_dot(direction, at->n), -0.1);
+    for (int j = 0; j < 2; j++) {
+        tsuya_vec3 on = tsuya_vec3_scale(tsuya_vec3_mad(across[j], -tsuya_vec3_dot(across[j], at->n) / facing, direction), width_m);
+        step[j][0] = tsuya_vec3_dot(on, at->weft);
+        step[j][1] = tsuya_vec3_dot(on, at->warp);
+        uv[j] = 0.0;
+        for (int k = 0; k < 3; k++) {
+            uv[j] += at->w[k] * (double)s->cloth->uv[2 * at->t[k] + (size_t)j];
+        }
     }
-    return tsuya_studio_weave_at(s->weave, u, v);
 }
 
-void tsuya_studio_shade(const tsuya_studio *s, const tsuya_ray_hit *hit, tsuya_vec3 p, tsuya_vec3 direction, studio_cache *cache,
-                        uint64_t seed, uint64_t counter, double rgb[3])
+static void shade_yarn(const tsuya_studio *s, const place *at, double u, double v, const studio_cache *cache, double weight, double rgb[3])
+{
+    tsuya_studio_yarn yarn = tsuya_studio_weave_at(s->weave, u, v);
+    if (s->gloss) {
+        shade_gloss(s, at, &yarn, cache, weight, rgb);
+    } else {
+        shade_matt(s, at, yarn_normal(at, &yarn), yarn.albedo, weight, rgb);
+    }
+}
+
+void tsuya_studio_shade(const tsuya_studio *s, const tsuya_ray_hit *hit, tsuya_vec3 p, tsuya_vec3 direction, double width_m, studio_cache *cache,
+                        double rgb[3])
 {
     place at = {.t = s->mesh.triangle + 3 * (size_t)hit->triangle};
     tsuya_studio_weights(hit, at.w);
@@ -238,18 +252,22 @@ void tsuya_studio_shade(const tsuya_studio *s, const tsuya_ray_hit *hit, tsuya_v
     if (hit->triangle >= s->cloth_triangles) {
         float albedo[3];
         tsuya_studio_albedo(s, hit, albedo);
-        shade_matt(s, &at, at.n, albedo, rgb);
+        shade_matt(s, &at, at.n, albedo, 1.0, rgb);
         return;
     }
     at.weft = tsuya_vec3_tangent(tsuya_studio_interpolate(s->cloth->mesh.weft, at.t, at.w), at.n);
     at.warp = tsuya_vec3_tangent(tsuya_studio_interpolate(s->cloth->warp, at.t, at.w), at.n);
-    tsuya_studio_yarn yarn = yarn_at(s, &at);
-    if (!s->gloss) {
-        shade_matt(s, &at, yarn_normal(&at, &yarn), yarn.albedo, rgb);
+    if (s->gloss && (!cache->filled || tsuya_vec3_dot(cache->n, at.n) < SAME_NORMAL)) {
+        fill_cache(cache, s, &at, p, direction);
+    }
+    double uv[2], step[2][2];
+    material_at(uv, step, s, &at, direction, width_m);
+    if (width_m < FINE * fmin(s->weave->weft_pitch_m, s->weave->warp_pitch_m)) {
+        shade_yarn(s, &at, uv[0], uv[1], cache, 1.0, rgb);
         return;
     }
-    if (!cache->filled || tsuya_vec3_dot(cache->n, at.n) < SAME_NORMAL) {
-        fill_cache(cache, s, &at, p, direction, seed, counter);
+    for (int k = 0; k < PARTS; k++) {
+        double a = k % 2 ? 0.25 : -0.25, b = k / 2 ? 0.25 : -0.25;
+        shade_yarn(s, &at, uv[0] + a * step[0][0] + b * step[1][0], uv[1] + a * step[0][1] + b * step[1][1], cache, 1.0 / PARTS, rgb);
     }
-    shade_gloss(s, &at, &yarn, cache, rgb);
 }
