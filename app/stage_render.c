@@ -3,6 +3,9 @@
 
 #include "core/camera.h"
 #include "core/file.h"
+#include "core/mesh.h"
+#include "render/dye.h"
+#include "render/preset.h"
 #include "render/render.h"
 #include "render/views.h"
 
@@ -14,10 +17,24 @@ static const double NOISE = 0.02, LIKE_NOISE = 0.04;
 
 static const char *const mesh_relative = "weave/weave.ply";
 
-/* Photographs and masks count where pictures are compared with them. */
+/* Lamps of a file, as measured in the room where the photographs were taken; a preset is a wish. */
+static bool has_measured_lamps(const tsuya_job *job)
+{
+    tsuya_json *root;
+    if (!job->lights || tsuya_light_preset_find(job->lights) != TSUYA_PRESET_NONE || tsuya_json_load(&root, job->lights) != TSUYA_OK) {
+        return false; /* what is wrong with the file, the renderer says */
+    }
+    bool measured = tsuya_json_member(root, "lights") != NULL;
+    tsuya_json_free(root);
+    return measured;
+}
+
+static bool wears_photographs(const tsuya_job_render *entry) { return !entry->color || strcmp(entry->color, "photographs") == 0; }
+
+/* Photographs and masks count where pictures are compared with them, or dyes are found from them. */
 static tsuya_status add_like_inputs(tsuya_stage_plan *plan, const tsuya_job *job)
 {
-    bool like = false;
+    bool like = has_measured_lamps(job);
     for (int i = 0; i < job->render.count; i++) {
         like = like || tsuya_job_render_at(job, i)->like;
     }
@@ -178,15 +195,64 @@ static tsuya_status find_like(like_views *like, const tsuya_job *job, const tsuy
     return TSUYA_OK;
 }
 
+/* The dyes of the cloth, from all photographs but those of hold_out, into render/dyed.ply. */
+static tsuya_status dye(const char **dyed_path, const tsuya_stage_run *run, const tsuya_sparse_model *model)
+{
+    const tsuya_job *job = run->job;
+    const char *path = tsuya_job_path(job, "render/dyed.ply"), *mesh_path = tsuya_job_path(job, "%s", mesh_relative);
+    int materials = tsuya_stage_material_count(job);
+    size_t room = (size_t)job->photo.count + 1;
+    tsuya_dye_options o = {.lights_path = job->lights, .model = model, .material_count = materials};
+    tsuya_dye_info info;
+    tsuya_mesh mesh = {0}, dyed = {0};
+    int *view = tsuya_arena_alloc(job->arena, room, sizeof *view);
+    const char **photo = tsuya_arena_alloc(job->arena, room, sizeof *photo), **mask = tsuya_arena_alloc(job->arena, room, sizeof *mask);
+    const char **material = tsuya_arena_alloc(job->arena, (size_t)materials, sizeof *material);
+    tsuya_status status = path && mesh_path && view && photo && mask && material ? TSUYA_OK : TSUYA_ERROR_MEMORY;
+    TSUYA_GOTO_DONE(status, status);
+    for (int k = 0; k < materials; k++) {
+        material[k] = tsuya_stage_material_path(job, k, true);
+        status = material[k] ? status : TSUYA_ERROR_MEMORY;
+    }
+    for (int p = 0; p < job->photo.count; p++) {
+        int at = tsuya_sparse_model_find(model, job->photo.photo[p].name);
+        if (at >= 0 && !is_held_out(job, job->photo.photo[p].name)) {
+            view[o.view_count] = at;
+            photo[o.view_count] = job->photo.photo[p].path;
+            mask[o.view_count++] = job->masks ? job->photo.photo[p].mask_path : NULL;
+        }
+    }
+    o.view = view;
+    o.photo = photo;
+    o.mask = mask;
+    o.material_path = material;
+    TSUYA_GOTO_DONE(status, status);
+    TSUYA_GOTO_DONE(status, tsuya_ply_load(&mesh, mesh_path));
+    if (!mesh.color) {
+        goto done; /* a surface without colours: the material's own */
+    }
+    TSUYA_GOTO_DONE(status, tsuya_dye_from_photographs(&dyed, &info, &mesh, &o, run->context));
+    TSUYA_GOTO_DONE(status, tsuya_ply_save(&dyed, path, NULL));
+    tsuya_dye_info_to_json(tsuya_json_set_object(run->figures, "dye"), &info);
+    *dyed_path = path;
+done:
+    tsuya_mesh_free(&mesh);
+    tsuya_mesh_free(&dyed);
+    return status;
+}
+
+/* dyed: the mesh with its dyes; NULL where they are not known. */
 static tsuya_status render_entry(tsuya_render_info *info, const tsuya_stage_run *run, const tsuya_job_render *entry,
-                                 const tsuya_sparse_model *model, tsuya_vec3 up)
+                                 const tsuya_sparse_model *model, tsuya_vec3 up, const char *dyed)
 {
     const tsuya_job *job = run->job;
     tsuya_render_options options = tsuya_render_options_default();
     int materials = tsuya_stage_material_count(job);
     const char **material = tsuya_arena_alloc(job->arena, (size_t)materials, sizeof *material);
     like_views like = {0};
-    options.mesh_path = tsuya_job_path(job, "%s", mesh_relative);
+    bool wears = dyed && wears_photographs(entry);
+    options.mesh_path = wears ? dyed : tsuya_job_path(job, "%s", mesh_relative);
+    options.vertex_dye_scale = wears ? 1.0 : options.vertex_dye_scale;
     options.output_folder = tsuya_job_path(job, "render");
     if (!material || !options.mesh_path || !options.output_folder) {
         return TSUYA_ERROR_MEMORY;
@@ -242,15 +308,23 @@ tsuya_status tsuya_stage_render_run(const tsuya_stage_run *run)
     const char *folder = tsuya_job_path(job, "reconstruct/sparse/0");
     tsuya_sparse_model model;
     tsuya_render_info total = {0};
+    const char *dyed = NULL;
     tsuya_vec3 up;
     if (!folder) {
         return TSUYA_ERROR_MEMORY;
     }
     TSUYA_TRY(tsuya_sparse_model_load(&model, folder));
     tsuya_status status = upright(&up, job, &model);
+    bool worn = false;
+    for (int i = 0; i < job->render.count; i++) {
+        worn = worn || wears_photographs(tsuya_job_render_at(job, i));
+    }
+    if (status == TSUYA_OK && worn && has_measured_lamps(job)) {
+        status = dye(&dyed, run, &model);
+    }
     for (int i = 0; status == TSUYA_OK && i < job->render.count; i++) {
         tsuya_render_info info = {0};
-        status = render_entry(&info, run, tsuya_job_render_at(job, i), &model, up);
+        status = render_entry(&info, run, tsuya_job_render_at(job, i), &model, up, dyed);
         add_info(&total, &info);
     }
     if (status == TSUYA_OK) {

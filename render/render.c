@@ -16,7 +16,7 @@ static const char stage_version[] = "render 5";
 tsuya_render_options tsuya_render_options_default(void)
 {
     return (tsuya_render_options){.views = 1, .width_px = 1280, .height_px = 960, .elevation_deg = 15.0, .field_deg = 30.0,
-                                  .model_view_count = -1, .gain = {NAN, NAN, NAN}, .spp = 64, .bounces = 4, .exposure_ev = NAN};
+                                  .model_view_count = -1, .gain = {NAN, NAN, NAN}, .vertex_dye_scale = NAN, .spp = 64, .bounces = 4, .exposure_ev = NAN};
 }
 
 static void like_to_json(tsuya_json *object, const char *key, const tsuya_render_like *like)
@@ -149,7 +149,7 @@ static tsuya_status hash_inputs(stage *s)
         status = hash_material(hasher, s->setup.material[k]);
     }
     hash_lights(hasher, &s->setup.lights);
-    hash_numbers(hasher, (const double[]){s->setup.dye, s->setup.studio, s->path.spp, s->path.noise, s->path.bounces}, 5);
+    hash_numbers(hasher, (const double[]){s->setup.dye, s->setup.studio, s->path.spp, s->path.noise, s->path.bounces, s->setup.vertex_dye_scale}, 6);
     hash_numbers(hasher, s->setup.dye_rgb, 3);
     hash_numbers(hasher, s->options->transmission, 3);
     hash_numbers(hasher, (const double[]){s->setup.preset}, 1);

@@ -29,6 +29,7 @@ typedef struct tsuya_render_options {
     const bool *held_out;            /* figures of these apart; NULL: none is */
     double gain[3];                  /* exposure and white balance of the comparison; NaN: fitted to each photograph */
     const char *color;               /* see tsuya_render_check_color; NULL: see below */
+    double vertex_dye_scale;         /* factor on the mesh's colours where they are the dye; NaN: 0.8, for colours that are not dyes */
     double transmission[3];          /* share of the light that thin cloth lets through, diffusely; 0 0 0: none */
     int spp;                         /* samples per pixel; with `noise` the most that a pixel gets */
     double noise;                    /* > 0: relative standard error that a pixel aims at; see render/path.h */

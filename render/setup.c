@@ -48,7 +48,7 @@ static tsuya_status check_energy(const tsuya_render_setup *s, const tsuya_render
     for (int k = 0; k < s->material_count * 9; ++k) {
         const tsuya_material *m = s->material[k / 9];
         double theta = tsuya_rad_from_deg(8.0 + 9.0 * (k % 9)), albedo[3];
-        const double brightest[3] = {0.8, 0.8, 0.8}; /* of vertex colours, see tsuya_scene_options_default */
+        const double brightest[3] = {s->vertex_dye_scale, s->vertex_dye_scale, s->vertex_dye_scale};
         const double *dye = s->dye == TSUYA_DYE_OF_COLOR ? s->dye_rgb : s->dye == TSUYA_DYE_OF_VERTICES ? brightest : NULL;
         tsuya_material_albedo(m, dye, (tsuya_vec3){sin(theta), 0.0, cos(theta)}, albedo);
         for (int c = 0; c < 3; ++c) {
@@ -69,6 +69,7 @@ static tsuya_status make_scene(tsuya_render_setup *s, const tsuya_render_options
         return TSUYA_ERROR_MEMORY;
     }
     TSUYA_TRY(choose_dye(s, o));
+    options.vertex_dye_scale = s->vertex_dye_scale = isnan(o->vertex_dye_scale) ? options.vertex_dye_scale : o->vertex_dye_scale;
     for (int k = 0; k < s->material_count; ++k) {
         TSUYA_TRY(tsuya_shader_from_material(&shader[k], s->material[k]));
         memcpy(shader[k].transmittance, o->transmission, sizeof shader[k].transmittance);

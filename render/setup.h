@@ -26,6 +26,7 @@ typedef struct tsuya_render_setup {
     tsuya_scene *scene;
     tsuya_dye_source dye;
     double dye_rgb[3];
+    double vertex_dye_scale;
     tsuya_light_set lights; /* of the file; empty with the studio */
     bool studio;
     tsuya_light_preset preset; /* stands for the file */
