@@ -61,7 +61,7 @@ static const tsuya_syntax image_syntax = {
     .arguments = "PHOTO",
     .example = "tsuya weave image cloth.jpg -o out/patches.csv",
     .doc = "Finds the two thread directions of every patch: patches.csv (angles in degrees counter-clockwise from +x with y up, periods "
-           "in pixels, confidence as a probability) and a picture with the threads drawn on the photograph.",
+           "in pixels, confidence as a probability, the kind of weave) and a picture with the threads drawn on the photograph.",
     .options = image_options,
     .parse = parse_image,
 };

@@ -13,7 +13,6 @@ enum { FOLLOW_ROUNDS = 2 };
 static const float LEAST_PROBABILITY = 0.003f;
 static const double SHARE_LEAST = 0.2; /* of the window's power that a patch must hold */
 static const double DOUBT = 0.5;       /* below, the patch is also looked at alone */
-static const double KIND_MARGIN = 0.25; /* of the level's feature over the next step's, before a kind is named */
 
 struct tsuya_detector {
     int n, rounds;
@@ -125,14 +124,15 @@ static bool is_one_tone(const tsuya_spectrum *s)
     return true;
 }
 
-static void set_threads(tsuya_threads *threads, const tsuya_refined *refined, double probability, int step, double margin)
+static void set_threads(tsuya_threads *threads, const tsuya_refined *refined, double probability, tsuya_kind kind)
 {
     /* where threads are uneven the points stray by more than noise says, and neighbouring points stray together: hence the square */
     double stray = fmax(refined->scatter, 1.0), worse = fmax(refined->sigma_rad[0], refined->sigma_rad[1]) * stray * stray;
     threads->a = family_of(refined->f[0], refined->sigma_rad[0]);
     threads->b = family_of(refined->f[1], refined->sigma_rad[1]);
     threads->confidence = probability * erf(RIGHT_RAD / (sqrt(2.0) * fmax(worse, 1e-6)));
-    threads->kind = margin > KIND_MARGIN ? tsuya_steps[step].kind : TSUYA_WEAVE_UNKNOWN;
+    threads->kind = kind.kind;
+    threads->diagonal_rad = kind.diagonal_rad;
 }
 
 void tsuya_detector_run(tsuya_detector *d, tsuya_threads *threads, const float *values)
@@ -153,7 +153,7 @@ void tsuya_detector_run(tsuya_detector *d, tsuya_threads *threads, const float *
     }
     const tsuya_basis *b = &d->bases.basis[best];
     tsuya_refine(&refined, d->refiner, d->spectrum, b, d->rounds);
-    set_threads(threads, &refined, probability, b->step, (double)b->feature[TSUYA_FEATURE_MARGIN]);
+    set_threads(threads, &refined, probability, tsuya_kind_tell(d->spectrum, FREQUENCIES(&refined)));
 }
 
 static void keep_alternative(tsuya_finding *finding, const tsuya_basis *b)
@@ -167,7 +167,7 @@ static void keep_alternative(tsuya_finding *finding, const tsuya_basis *b)
     }
     if (place < TSUYA_ALTERNATIVES) {
         tsuya_alternative *a = &finding->alternative[place];
-        *a = (tsuya_alternative){.probability = b->probability, .margin = b->feature[TSUYA_FEATURE_MARGIN], .step = b->step};
+        *a = (tsuya_alternative){.probability = b->probability, .step = b->step};
         memcpy(a->f, b->f, sizeof a->f);
         for (int k = 0; k < 2; k++) {
             a->angle_rad[k] = thread_angle(b->f[k]);
@@ -195,6 +195,7 @@ void tsuya_detector_find(tsuya_detector *d, tsuya_finding *finding, const float 
     }
     for (int k = 0; k < finding->count; k++) {
         tsuya_alternative *a = &finding->alternative[k];
+        a->kind = tsuya_kind_tell(d->spectrum, FREQUENCIES(a));
         a->point_count = tsuya_refine_points(a->point, TSUYA_TONES, d->spectrum, a->step, FREQUENCIES(a));
     }
     tsuya_finding_believe(finding);
@@ -232,7 +233,7 @@ static bool follow(tsuya_detector *d, tsuya_threads *threads, const tsuya_findin
     if (refined.power < SHARE_LEAST * want || !same_angles(a->angle_rad, angle)) {
         return false;
     }
-    set_threads(threads, &refined, (double)finding->belief, a->step, (double)a->margin);
+    set_threads(threads, &refined, (double)finding->belief, a->kind);
     return true;
 }
 

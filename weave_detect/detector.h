@@ -2,6 +2,7 @@
 #ifndef TSUYA_WEAVE_DETECT_DETECTOR_H
 #define TSUYA_WEAVE_DETECT_DETECTOR_H
 
+#include "weave_detect/kind.h"
 #include "weave_detect/refine.h"
 #include "weave_detect/threads.h"
 
@@ -25,7 +26,8 @@ enum { TSUYA_ALTERNATIVES = 6 };
 typedef struct tsuya_alternative {
     double f[2][2];
     double angle_rad[2], length[2]; /* along the threads; of f */
-    float probability, margin; /* margin: how far its step is ahead of the next one */
+    float probability;
+    tsuya_kind kind;
     int step, point_count;
     tsuya_lattice_point point[TSUYA_TONES];
 } tsuya_alternative;

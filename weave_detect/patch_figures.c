@@ -32,7 +32,7 @@ static double quantity(const tsuya_threads *t, int which)
     }
 }
 
-static const char *commonest_kind(const tsuya_patch_grid *grid)
+static tsuya_weave_kind commonest_kind(const tsuya_patch_grid *grid)
 {
     size_t tally[4] = {0};
     int best = 0;
@@ -43,7 +43,21 @@ static const char *commonest_kind(const tsuya_patch_grid *grid)
     for (int k = 1; k < 4; k++) {
         best = tally[k] > tally[best] ? k : best;
     }
-    return tsuya_weave_kind_name((tsuya_weave_kind)best);
+    return (tsuya_weave_kind)best;
+}
+
+/* Of the lines of the sure twill patches; NaN where there are none. */
+static double mean_diagonal_deg(const tsuya_patch_grid *grid)
+{
+    double re = 0.0, im = 0.0;
+    for (size_t i = 0; i < tsuya_patch_count(grid); i++) {
+        const tsuya_threads *t = &grid->patch[i].threads;
+        if (t->confidence >= SURE && t->kind == TSUYA_WEAVE_TWILL) {
+            re += cos(2.0 * t->diagonal_rad);
+            im += sin(2.0 * t->diagonal_rad);
+        }
+    }
+    return hypot(re, im) > 0.0 ? tsuya_deg_from_rad(tsuya_line_wrap(0.5 * atan2(im, re))) : NAN;
 }
 
 void tsuya_patches_to_json(tsuya_json *figures, const tsuya_patch_grid *grid, double px_per_cm)
@@ -70,5 +84,10 @@ void tsuya_patches_to_json(tsuya_json *figures, const tsuya_patch_grid *grid, do
         tsuya_json_set_number(figures, "threads_per_cm_weft", px_per_cm / middle[0]);
         tsuya_json_set_number(figures, "threads_per_cm_warp", px_per_cm / middle[1]);
     }
-    tsuya_json_set_text(figures, "kind", commonest_kind(grid));
+    tsuya_weave_kind kind = commonest_kind(grid);
+    tsuya_json_set_text(figures, "kind", tsuya_weave_kind_name(kind));
+    if (kind == TSUYA_WEAVE_TWILL) {
+        tsuya_json_set_number(figures, "diagonal_deg", mean_diagonal_deg(grid));
+    }
+    tsuya_json_set_text(figures, "weft_told_by", tsuya_weft_told_name(grid->weft_told));
 }

@@ -17,6 +17,7 @@ typedef struct tsuya_patch {
 /* rows × columns, row by row from the image's upper left corner. */
 typedef struct tsuya_patch_grid {
     int columns, rows, patch_px, step_px;
+    tsuya_weft_told weft_told;
     tsuya_patch *patch;
 } tsuya_patch_grid;
 
@@ -37,7 +38,7 @@ TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_patches_detect(tsuya_patch_grid *g
                                                              const tsuya_context *context);
 TSUYA_API void tsuya_patches_free(tsuya_patch_grid *grid);
 
-/* INTERFACE's patches.csv, atomic: x_px,y_px,weft_deg,warp_deg,period_weft_px,period_warp_px,confidence. */
+/* INTERFACE's patches.csv, atomic: x_px,y_px,weft_deg,warp_deg,period_weft_px,period_warp_px,confidence,kind,diagonal_deg. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_patches_save(const tsuya_patch_grid *grid, const char *path);
 
 /* Figures: patches, sure (share with confidence ≥ 0.8), medians over those of period_weft_px, period_warp_px, angle_between_deg, and

@@ -12,6 +12,12 @@ const char *tsuya_weave_kind_name(tsuya_weave_kind kind)
     return names[kind];
 }
 
+const char *tsuya_weft_told_name(tsuya_weft_told told)
+{
+    static const char *const names[] = {"unknown", "user", "thread count"};
+    return names[told];
+}
+
 double tsuya_line_wrap(double angle_rad)
 {
     double a = fmod(angle_rad, M_PI);

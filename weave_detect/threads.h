@@ -15,6 +15,13 @@ typedef enum tsuya_weave_kind {
     TSUYA_WEAVE_SATIN,
 } tsuya_weave_kind;
 
+/* What said which family is the weft.  Of the threads alone, only their counts do: a warp is usually the denser. */
+typedef enum tsuya_weft_told {
+    TSUYA_WEFT_UNKNOWN, /* the family nearer to the horizontal, which is a name and no finding */
+    TSUYA_WEFT_USER,
+    TSUYA_WEFT_COUNT,
+} tsuya_weft_told;
+
 typedef struct tsuya_thread_family {
     bool seen;
     double angle_rad;
@@ -26,11 +33,14 @@ typedef struct tsuya_threads {
     tsuya_thread_family a, b; /* the two families, in no order until they are labelled: then a is the weft, b the warp */
     double confidence;        /* probability that both angles are within 2 degrees of the threads */
     tsuya_weave_kind kind;
+    double diagonal_rad;      /* along the lines of a twill, where `kind` is one */
     double flow_rad;          /* along the texture (structure tensor), whatever makes it */
     double flow_coherence;    /* [0, 1]; 0: none, or no texture at all */
 } tsuya_threads;
 
 TSUYA_API const char *tsuya_weave_kind_name(tsuya_weave_kind kind); /* "unknown", "plain", "twill", "satin" */
+
+TSUYA_API const char *tsuya_weft_told_name(tsuya_weft_told told); /* "unknown", "user", "thread count" */
 
 /* Angle into [0, π). */
 TSUYA_API double tsuya_line_wrap(double angle_rad);

@@ -43,7 +43,7 @@ typedef struct sample {
 
 static int random_kind(uint64_t index)
 {
-    static const double share[KINDS] = {0.28, 0.13, 0.2, 0.14, 0.05, 0.09, 0.11};
+    static const double share[KINDS] = {0.27, 0.12, 0.19, 0.13, 0.05, 0.13, 0.11};
     double at = tsuya_random_uniform(SEED, 7, index);
     int kind = 0;
     while (kind + 1 < KINDS && at >= share[kind]) {
@@ -56,12 +56,13 @@ static void random_cloth(weave_cloth *cloth, weave_camera *camera, int kind, uin
 {
     int which = kind == ROUGH || kind == SPUN ? kind : kind == CLOTH || kind == FINER ? CLOTH : (int)(3.0 * tsuya_random_uniform(SEED, 8, index));
     (which == ROUGH ? weave_random_rough : which == SPUN ? weave_random_spun : weave_random)(cloth, camera, SEED, index);
-    if (kind == FINER) { /* what is seen is moiré */
-        double finer = (0.8 + 1.2 * tsuya_random_uniform(SEED, 6, index)) / fmax(cloth->weft_px, cloth->warp_px);
+    if (kind == FINER) { /* what is seen is moiré; half of it of about a pixel a thread, where not even the interlacing is seen beside it */
+        double r = tsuya_random_uniform(SEED, 6, index), least = r < 0.5 ? 0.8 + r : 0.6 + 1.4 * r;
+        double finer = least / fmax(cloth->weft_px, cloth->warp_px);
         cloth->weft_px *= finer;
         cloth->warp_px *= finer;
         cloth->uneven = 0.0;
-        camera->blur_px = 0.3;
+        camera->blur_px = fmin(camera->blur_px, 0.45);
         camera->contrast *= 2.0;
     }
 }

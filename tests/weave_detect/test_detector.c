@@ -84,11 +84,56 @@ static bool is_plain_sailing(const weave_cloth *cloth, const weave_camera *camer
     return camera->contrast >= 0.5 && cloth->weft_px >= 4.0 && cloth->warp_px >= 4.0 && longest <= N;
 }
 
+typedef struct kind_tally {
+    int said[4][4]; /* [true][said] */
+    int diagonals, wrong_diagonals;
+} kind_tally;
+
+static tsuya_weave_kind true_kind(const weave_cloth *c)
+{
+    return c->draft == WEAVE_PLAIN ? TSUYA_WEAVE_PLAIN : c->draft <= WEAVE_TWILL_31 ? TSUYA_WEAVE_TWILL : TSUYA_WEAVE_SATIN;
+}
+
+/* Of sure patches.  Twill lines run where the next pick shows the next end: across the gradient of end − pick. */
+static void note_kind(kind_tally *sum, const tsuya_threads *t, const weave_cloth *c)
+{
+    if (t->confidence < 0.8) {
+        return;
+    }
+    tsuya_weave_kind kind = true_kind(c);
+    sum->said[kind][t->kind]++;
+    if (kind == TSUYA_WEAVE_TWILL && t->kind == kind) {
+        double weft = c->weft_deg * M_PI / 180.0, warp = c->warp_deg * M_PI / 180.0;
+        double x = sin(warp) / c->warp_px + sin(weft) / c->weft_px, y = cos(warp) / c->warp_px + cos(weft) / c->weft_px;
+        sum->diagonals++;
+        sum->wrong_diagonals += degrees(tsuya_line_difference(t->diagonal_rad, tsuya_line_wrap(atan2(x, y)))) > 3.0;
+    }
+}
+
+static void check_kinds(const kind_tally *sum)
+{
+    int named = 0, right = 0, all = 0;
+    printf("%-8s %8s %8s %8s %8s\n", "", "unknown", "plain", "twill", "satin");
+    for (int k = 1; k < 4; k++) {
+        const int *s = sum->said[k];
+        printf("%-8s %8d %8d %8d %8d\n", tsuya_weave_kind_name((tsuya_weave_kind)k), s[0], s[1], s[2], s[3]);
+        all += s[0] + s[1] + s[2] + s[3];
+        named += s[1] + s[2] + s[3];
+        right += s[k];
+    }
+    printf("kind told on %.1f %% of sure patches, right on %.1f %% of these; diagonal wrong on %d of %d\n", 100.0 * named / all, 100.0 * right / named,
+           sum->wrong_diagonals, sum->diagonals);
+    assert_true(named >= 0.7 * all);
+    assert_true(right >= 0.95 * named);
+    assert_true(sum->wrong_diagonals <= 0.01 * sum->diagonals);
+}
+
 static void test_drawn_cloth(void **state)
 {
     (void)state;
     static double error[DRAWS];
     double surplus[10] = {0};
+    kind_tally kinds = {0};
     int count = 0, within = 0, sure = 0, sure_right = 0;
     for (int k = 0; k < DRAWS; k++) {
         weave_cloth cloth;
@@ -100,6 +145,7 @@ static void test_drawn_cloth(void **state)
         assert_true(t.confidence >= 0.0 && t.confidence <= 1.0);
         surplus[(int)(9.999 * t.confidence)] += t.confidence - (e < 2.0);
         if (is_plain_sailing(&cloth, &camera)) {
+            note_kind(&kinds, &t, &cloth);
             error[count++] = e;
             within += e < 1.0;
             sure += t.confidence >= 0.8;
@@ -118,6 +164,7 @@ static void test_drawn_cloth(void **state)
     assert_true(within >= 0.90 * count);
     assert_true(sure >= 0.80 * count);
     assert_true(calibration <= 0.05);
+    check_kinds(&kinds);
 }
 
 /* Regular cloth of known draft, contrast 2: every draft's threads, none of its diagonals. */
@@ -140,7 +187,7 @@ static void test_every_draft(void **state)
             weave_draw(values, N, &cloth, &camera);
             tsuya_detector_run(detector, &t, values);
             right += error_deg(&t, &cloth) < 1.0;
-            named += t.kind == (draft == 0 ? TSUYA_WEAVE_PLAIN : draft <= 3 ? TSUYA_WEAVE_TWILL : TSUYA_WEAVE_SATIN);
+            named += t.kind == true_kind(&cloth);
         }
         printf("%s: %d of %d right, %d named\n", weave_draft_name((weave_draft)draft), right, tries, named);
         assert_true(right >= tries * 4 / 5);

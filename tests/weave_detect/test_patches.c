@@ -2,6 +2,7 @@
 #include "support.h"
 
 #include "core/table.h"
+#include "weave_detect/label.h"
 #include "weave_detect/patches.h"
 
 #include <math.h>
@@ -39,10 +40,12 @@ static void test_one_patch_of_a_small_image(void **state)
     const tsuya_threads *t = &grid.patch[0].threads;
     assert_float_equal(grid.patch[0].x_px, 31.5, 0.0);
     assert_true(t->a.seen && t->b.seen);
-    assert_true(tsuya_line_difference(t->a.angle_rad, 20.0 * M_PI / 180.0) < 0.01);
-    assert_true(tsuya_line_difference(t->b.angle_rad, 110.0 * M_PI / 180.0) < 0.01);
-    assert_float_equal(t->a.period_px, 6.0, 0.05);
-    assert_float_equal(t->b.period_px, 8.0, 0.08);
+    assert_true(tsuya_line_difference(t->a.angle_rad, 20.0 * M_PI / 180.0) < 0.01 || grid.weft_told == TSUYA_WEFT_COUNT);
+    const tsuya_thread_family *fine = t->a.period_px < t->b.period_px ? &t->a : &t->b, *coarse = fine == &t->a ? &t->b : &t->a;
+    assert_true(tsuya_line_difference(fine->angle_rad, 20.0 * M_PI / 180.0) < 0.01);
+    assert_true(tsuya_line_difference(coarse->angle_rad, 110.0 * M_PI / 180.0) < 0.01);
+    assert_float_equal(fine->period_px, 6.0, 0.05);
+    assert_float_equal(coarse->period_px, 8.0, 0.08);
     tsuya_patches_free(&grid);
     tsuya_image_free(&image);
 }
@@ -62,15 +65,48 @@ static void test_the_user_names_the_weft(void **state)
     tsuya_image_free(&image);
 }
 
+static void draw_picks(tsuya_patch_grid *grid, tsuya_patch *patch, int count, double warp_px)
+{
+    *grid = (tsuya_patch_grid){.columns = count, .rows = 1, .patch = patch};
+    for (int i = 0; i < count; i++) { /* now one family first, now the other */
+        tsuya_thread_family weft = {true, 1.1 + 0.05 * (i % 3), 6.0, 0.001}, warp = {true, 2.7 - 0.05 * (i % 2), warp_px, 0.001};
+        patch[i] = (tsuya_patch){.threads = {.a = i % 2 ? weft : warp, .b = i % 2 ? warp : weft, .confidence = 0.9}};
+    }
+}
+
+static void test_the_coarser_threads_are_the_weft(void **state)
+{
+    (void)state;
+    enum { COUNT = 9 };
+    tsuya_patch patch[COUNT];
+    tsuya_patch_grid grid;
+    draw_picks(&grid, patch, COUNT, 5.0);
+    tsuya_patches_label(&grid, NAN);
+    assert_int_equal(grid.weft_told, TSUYA_WEFT_COUNT);
+    for (int i = 0; i < COUNT; i++) {
+        assert_float_equal(patch[i].threads.a.period_px, 6.0, 0.0);
+    }
+    draw_picks(&grid, patch, COUNT, 5.8); /* too alike to tell: one name for each family all the same */
+    tsuya_patches_label(&grid, NAN);
+    assert_int_equal(grid.weft_told, TSUYA_WEFT_UNKNOWN);
+    for (int i = 1; i < COUNT; i++) {
+        assert_float_equal(patch[i].threads.a.period_px, patch[0].threads.a.period_px, 0.0);
+    }
+    tsuya_patches_label(&grid, 150.0);
+    assert_int_equal(grid.weft_told, TSUYA_WEFT_USER);
+    assert_float_equal(patch[0].threads.a.period_px, 5.8, 0.0);
+}
+
 static void test_table_and_threads(void **state)
 {
     (void)state;
-    static const char *const columns[] = {"x_px", "y_px", "weft_deg", "warp_deg", "period_weft_px", "period_warp_px", "confidence", NULL};
+    static const char *const columns[] = {"x_px", "y_px", "weft_deg", "warp_deg", "period_weft_px", "period_warp_px", "confidence",
+                                         "kind", "diagonal_deg", NULL}, *const text[] = {"kind", NULL};
     tsuya_image image;
     tsuya_patch_grid grid;
     tsuya_table table;
     tsuya_hash one, two;
-    tsuya_table_options options = {.required = columns, .known = columns, .allow_empty = true};
+    tsuya_table_options options = {.required = columns, .known = columns, .text = text, .allow_empty = true};
     draw_gratings(&image, 300, 200);
     for (int threads = 1; threads <= 2; threads++) {
         detect(&grid, &image, NULL, threads);
@@ -164,6 +200,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_one_patch_of_a_small_image), cmocka_unit_test(test_the_user_names_the_weft),
+        cmocka_unit_test(test_the_coarser_threads_are_the_weft),
         cmocka_unit_test(test_table_and_threads),          cmocka_unit_test(test_grey_and_masked_patches_are_empty),
         cmocka_unit_test(test_refusals),                   cmocka_unit_test(test_overlay_keeps_the_photograph),
     };
