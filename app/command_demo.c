@@ -11,19 +11,21 @@
 
 /* What is made: docs/capture.md explains the keys.  Another first line makes an earlier demo's photographs anew. */
 static const char SCENE[] =
-    "# The scene of `tsuya demo`, 2: `tsuya capture simulate scene.yaml -o DIR` makes the same photographs.\n"
+    "# The scene of `tsuya demo`, 3: `tsuya capture simulate scene.yaml -o DIR` makes the same photographs.\n"
     "name: demo\n"
     "seed: 1\n"
-    "cloth: {kind: square, fabric: silk, reflectance: satin, side_m: 0.36, spacing_m: 0.009, weft_mm: 2.6, warp_mm: 2.0}\n"
+    "cloth: {kind: square, fabric: silk, reflectance: satin, side_m: 0.36, spacing_m: 0.009, weft_mm: 0.8, warp_mm: 0.7}\n"
     "stand: {kind: disc, radius_m: 0.08, height_m: 0.18}\n"
-    "camera: {size: [800, 600], focal_px: 1006, distortion: [-0.04, 0.01, 0, 0], f_number: 22, bayer: true}\n"
+    "camera: {size: [800, 600], focal_px: 1006, distortion: [-0.04, 0.01, 0, 0], f_number: 22, bayer: true, blur_px: 0.45, full_well_e: 50000}\n"
     "views:\n"
-    "  - {count: 14, elevation_deg: 17, distance_m: 0.52}\n"
-    "  - {count: 8, elevation_deg: 42, distance_m: 0.55}\n"
-    "  - {count: 2, elevation_deg: 70, distance_m: 0.55}\n"
+    "  - {count: 14, elevation_deg: 17, distance_m: 0.65}\n"
+    "  - {count: 8, elevation_deg: 42, distance_m: 0.65}\n"
+    "  - {count: 2, elevation_deg: 70, distance_m: 0.65}\n"
+    "  - {count: 10, px_per_thread: 5}\n"
     "mat: {cols: 9, rows: 9, tag_mm: 40, gap_mm: 10, first_id: 100}\n"
     "board: {cols: 8, rows: 5, tag_mm: 30, gap_mm: 9, photos: 20}\n"
-    "goniometer: {azimuth_step_deg: 45, tilt_step_deg: 3}\n";
+    "goniometer: {azimuth_step_deg: 45, tilt_step_deg: 3, dye: [0.02, 0.02, 0.02], photos: true, photo_step_deg: 9, photo_scale: 0.2}\n"
+    "lamps_measured: true\n";
 
 static error_t parse_demo(int key, char *arg, struct argp_state *state)
 {

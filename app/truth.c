@@ -189,22 +189,24 @@ static tsuya_vec3 triangle_weft(const tsuya_mesh *mesh, uint32_t triangle)
     return tsuya_vec3_unit(sum);
 }
 
-static tsuya_status weft_error(const comparison *c, tsuya_json *figures)
+static tsuya_status weft_error(const comparison *c, tsuya_json *figures, const tsuya_json *weave)
 {
     const tsuya_mesh *mesh = &c->mesh;
     if (!mesh->weft || !mesh->weave_confidence || !c->true_mesh.weft) {
         set_null_pair(figures, "weft_deg", "median", "p90");
+        set_null_pair(figures, "weft_all_deg", "median", "p90");
         return TSUYA_OK;
     }
     tsuya_mesh_tree *tree = NULL;
-    double *error = NULL;
-    size_t count = 0;
+    double *error = NULL, *covered = NULL;
+    size_t count = 0, covered_count = 0;
     tsuya_status status = TSUYA_OK;
     TSUYA_NEW(status, error, mesh->vertex_count);
+    TSUYA_NEW(status, covered, mesh->vertex_count);
     TSUYA_GOTO_DONE(status, tsuya_mesh_tree_create(&tree, &c->true_mesh));
     for (size_t v = 0; v < mesh->vertex_count; v++) {
         tsuya_mesh_hit hit = tsuya_mesh_tree_closest(tree, tsuya_mesh_position(mesh, v), 10.0 * c->gsd_m);
-        if (mesh->weave_confidence[v] <= 0.0f || hit.triangle == UINT32_MAX) {
+        if (hit.triangle == UINT32_MAX) {
             continue;
         }
         const float *w = mesh->weft + 3 * v, *nf = mesh->normal + 3 * v;
@@ -212,11 +214,17 @@ static tsuya_status weft_error(const comparison *c, tsuya_json *figures)
         tsuya_vec3 weft = tsuya_mat3_apply(c->truth_from_job.rotation, (tsuya_vec3){w[0], w[1], w[2]});
         tsuya_vec3 truth = tsuya_vec3_tangent(triangle_weft(&c->true_mesh, hit.triangle), tsuya_vec3_unit(normal));
         error[count++] = tsuya_deg_from_rad(acos(fmin(fabs(tsuya_vec3_dot(tsuya_vec3_unit(weft), truth)), 1.0)));
+        if (mesh->weave_confidence[v] > 0.0f) {
+            covered[covered_count++] = error[count - 1];
+        }
     }
-    set_median_p90(figures, "weft_deg", error, count);
+    set_median_p90(figures, "weft_deg", covered, covered_count);
+    set_median_p90(figures, "weft_all_deg", error, count);
+    tsuya_json_set_number(figures, "covered_fraction", tsuya_json_number_or(tsuya_json_member(weave, "covered_fraction"), NAN));
 done:
     tsuya_mesh_tree_free(tree);
     tsuya_free(error);
+    tsuya_free(covered);
     return status;
 }
 
@@ -229,14 +237,14 @@ static void rerender_error(tsuya_json *figures, const tsuya_json *render)
     tsuya_json_set_number(pair, "p95", tsuya_json_number_or(tsuya_json_member(de00, "p95"), NAN));
 }
 
-/* The material of a job that measured one, on directions that no reading has. */
-static tsuya_status table_error(double *error, const tsuya_job *job, const char *truth_folder)
+/* The material of a job that measured one, on directions that no reading has: a table of the truth. */
+static tsuya_status table_error(double *error, const tsuya_job *job, const char *truth_folder, const char *name)
 {
     tsuya_material *material = NULL;
     tsuya_samples samples = {0};
     tsuya_status status = TSUYA_OK;
     double *predicted = NULL;
-    const char *path = tsuya_stage_material_path(job, 0, true), *table = tsuya_arena_printf(job->arena, "%s/reflectance.csv", truth_folder);
+    const char *path = tsuya_stage_material_path(job, 0, true), *table = tsuya_arena_printf(job->arena, "%s/%s", truth_folder, name);
     *error = NAN;
     if (!path || !table) {
         return TSUYA_ERROR_MEMORY;
@@ -281,7 +289,7 @@ tsuya_status tsuya_truth_compare(tsuya_json *figures, const tsuya_job *job, cons
 {
     comparison c = {.context = context};
     const tsuya_json *reconstruct = tsuya_json_member(tsuya_state_record(state, "reconstruct"), "figures");
-    double gsd_job, table;
+    double gsd_job, table, hemispheres, photos;
     tsuya_status status;
     c.metric = isfinite(tsuya_json_number_or(tsuya_json_member(reconstruct, "scale_m_per_unit"), NAN));
     TSUYA_GOTO_DONE(status, tsuya_json_get_number(&gsd_job, reconstruct, "gsd_units"));
@@ -290,11 +298,14 @@ tsuya_status tsuya_truth_compare(tsuya_json *figures, const tsuya_job *job, cons
     move_mesh(&c);
     TSUYA_GOTO_DONE(status, surface_distance(&c, figures, "surface_gsd", c.gsd_m));
     TSUYA_GOTO_DONE(status, completeness(&c, figures));
-    TSUYA_GOTO_DONE(status, weft_error(&c, figures));
-    TSUYA_GOTO_DONE(status, table_error(&table, job, truth_folder));
+    TSUYA_GOTO_DONE(status, weft_error(&c, figures, tsuya_json_member(tsuya_state_record(state, "weave"), "figures")));
+    TSUYA_GOTO_DONE(status, table_error(&table, job, truth_folder, "held_out.csv"));
+    TSUYA_GOTO_DONE(status, table_error(&hemispheres, job, truth_folder, "reflectance.csv"));
+    TSUYA_GOTO_DONE(status, tsuya_truth_swatch(&photos, truth_folder, context));
     tsuya_json *reflectance = tsuya_json_set_object(figures, "brdf_cbrt");
     tsuya_json_set_number(reflectance, "table", table);
-    tsuya_json_set_null(reflectance, "photos");
+    tsuya_json_set_number(reflectance, "table_hemispheres", hemispheres);
+    tsuya_json_set_number(reflectance, "photos", photos);
     rerender_error(figures, tsuya_json_member(tsuya_state_record(state, "render"), "figures"));
 done:
     tsuya_sparse_model_free(&c.model);

@@ -14,10 +14,18 @@
  *   surface_gsd        vertices of the result to the true surface
  *   completeness       share of the true surface, seen by three photographs or more, within 2 GSD of the result
  *   weft_deg           angle to the true weft where the field has confidence
- *   brdf_cbrt.table    e_cbrt of the fitted material on truth/reflectance.csv, where the job measured one
+ *   weft_all_deg       the same over all vertices, those included that inherit it
+ *   covered_fraction   of the field, as the stage says
+ *   brdf_cbrt.table    e_cbrt of the fitted material on truth/held_out.csv (half a step beside the bench's azimuths and tilts), where
+ *                      the job measured one; table_hemispheres: on truth/reflectance.csv, pairs over both hemispheres
+ *   brdf_cbrt.photos   the same of the photographed swatch, see tsuya_truth_swatch
  *   rerender_de00      as the render stage measured it on the photographs of hold_out */
 TSUYA_MUST_CHECK tsuya_status tsuya_truth_compare(tsuya_json *figures, const tsuya_job *job, const tsuya_state *state,
                                                   const char *truth_folder, const tsuya_context *context);
+
+/* e_cbrt on truth/reflectance.csv of what `brdf gather` and `brdf fit` make of the photographs in TRUTH/../swatch, with the stage's own
+ * poses (TRUTH/swatch); NaN without such photographs. */
+TSUYA_MUST_CHECK tsuya_status tsuya_truth_swatch(double *error, const char *truth_folder, const tsuya_context *context);
 
 /* The surface of a reconstruction (its folder: mesh.ply, sparse/0) against a mesh in the same frame, for example with known
  * poses: accuracy_m {median, p90} and completeness {tolerance_m, fraction}. */

@@ -157,6 +157,47 @@ static tsuya_status write_goniometer(const simulation *s)
     return path ? tsuya_goniometer_write(path, &bench, tsuya_simulate_reflect, s, s->context) : TSUYA_ERROR_MEMORY;
 }
 
+static void write_directions(FILE *stream, const simulation *s, const double angle_deg[4])
+{
+    double rgb[3], r[4];
+    for (int k = 0; k < 4; k++) {
+        r[k] = tsuya_rad_from_deg(angle_deg[k]);
+    }
+    tsuya_simulate_reflect(s, (tsuya_vec3){sin(r[0]) * cos(r[1]), sin(r[0]) * sin(r[1]), cos(r[0])},
+                           (tsuya_vec3){sin(r[2]) * cos(r[3]), sin(r[2]) * sin(r[3]), cos(r[2])}, rgb);
+    fprintf(stream, "%.2f,%.2f,%.2f,%.2f,%.7g,%.7g,%.7g\n", angle_deg[0], angle_deg[1], angle_deg[2], angle_deg[3], rgb[0], rgb[1], rgb[2]);
+}
+
+static double hundredths(double degrees) { return round(100.0 * degrees) / 100.0; }
+
+/* Where the bench was not: half a step beside its azimuths and tilts, without noise. */
+static tsuya_status write_held_out(const simulation *s)
+{
+    tsuya_goniometer b = tsuya_goniometer_default();
+    const tsuya_scene_goniometer *asked = &s->scene->goniometer;
+    const char *path = tsuya_simulate_path(s, "truth/held_out.csv");
+    const double lamp[2] = {tsuya_rad_from_deg(b.light_theta_deg), tsuya_rad_from_deg(b.light_phi_deg)};
+    const double view[2] = {tsuya_rad_from_deg(b.view_theta_deg), tsuya_rad_from_deg(b.view_phi_deg)};
+    tsuya_file_writer w;
+    if (!path) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    TSUYA_TRY(tsuya_file_begin(&w, path));
+    fprintf(w.stream, "# quantity=brdf\ntheta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,r,g,b\n");
+    for (double azimuth = 0.5 * asked->azimuth_step_deg; azimuth < 180.0; azimuth += asked->azimuth_step_deg) {
+        for (double tilt = 0.5 * asked->tilt_step_deg - b.tilt_most_deg; tilt < b.tilt_most_deg; tilt += asked->tilt_step_deg) {
+            tsuya_vec3 wi = tsuya_goniometer_on_stage((tsuya_vec3){sin(lamp[0]) * cos(lamp[1]), sin(lamp[0]) * sin(lamp[1]), cos(lamp[0])}, azimuth, tilt);
+            tsuya_vec3 wo = tsuya_goniometer_on_stage((tsuya_vec3){sin(view[0]) * cos(view[1]), sin(view[0]) * sin(view[1]), cos(view[0])}, azimuth, tilt);
+            const double angle[4] = {hundredths(tsuya_deg_from_rad(acos(wi.z))), hundredths(tsuya_deg_from_rad(atan2(wi.y, wi.x))),
+                                     hundredths(tsuya_deg_from_rad(acos(wo.z))), hundredths(tsuya_deg_from_rad(atan2(wo.y, wo.x)))};
+            if (angle[0] < 88.0 && angle[2] < 88.0) {
+                write_directions(w.stream, s, angle);
+            }
+        }
+    }
+    return tsuya_file_commit(&w);
+}
+
 /* Directions over both hemispheres, without noise. */
 static tsuya_status write_reflectance(const simulation *s)
 {
@@ -169,16 +210,12 @@ static tsuya_status write_reflectance(const simulation *s)
     TSUYA_TRY(tsuya_file_begin(&w, path));
     fprintf(w.stream, "# quantity=brdf\ntheta_i_deg,phi_i_deg,theta_o_deg,phi_o_deg,r,g,b\n");
     for (uint64_t i = 0; i < DIRECTIONS; i++) {
-        double u[4], rgb[3];
+        double u[4];
         for (uint64_t k = 0; k < 4; k++) {
             u[k] = tsuya_random_uniform(77, 1, 4 * i + k);
         }
-        double ti = round(100.0 * tsuya_deg_from_rad(asin(0.98 * sqrt(u[0])))) / 100.0, to = round(100.0 * tsuya_deg_from_rad(asin(0.98 * sqrt(u[1])))) / 100.0;
-        double pi = round(36000.0 * u[2]) / 100.0, po = round(36000.0 * u[3]) / 100.0, a = tsuya_rad_from_deg(ti), b = tsuya_rad_from_deg(to);
-        tsuya_vec3 wi = {sin(a) * cos(tsuya_rad_from_deg(pi)), sin(a) * sin(tsuya_rad_from_deg(pi)), cos(a)};
-        tsuya_vec3 wo = {sin(b) * cos(tsuya_rad_from_deg(po)), sin(b) * sin(tsuya_rad_from_deg(po)), cos(b)};
-        tsuya_simulate_reflect(s, wi, wo, rgb);
-        fprintf(w.stream, "%.2f,%.2f,%.2f,%.2f,%.7g,%.7g,%.7g\n", ti, pi, to, po, rgb[0], rgb[1], rgb[2]);
+        write_directions(w.stream, s, (const double[4]){hundredths(tsuya_deg_from_rad(asin(0.98 * sqrt(u[0])))), hundredths(360.0 * u[2]),
+                                                        hundredths(tsuya_deg_from_rad(asin(0.98 * sqrt(u[1])))), hundredths(360.0 * u[3])});
     }
     return tsuya_file_commit(&w);
 }
@@ -272,6 +309,7 @@ static tsuya_status write_truth(const simulation *s, const tsuya_studio_cloth *c
     TSUYA_TRY(tsuya_cameramodel_save(&s->camera, tsuya_pose_identity(), camera));
     TSUYA_TRY(tsuya_simulate_write(s, "truth/lights.json", lights));
     TSUYA_TRY(write_reflectance(s));
+    TSUYA_TRY(s->scene->has_goniometer ? write_held_out(s) : TSUYA_OK);
     TSUYA_TRY(write_chart(s, prop, props));
     TSUYA_TRY(s->scene->has_mat ? tsuya_simulate_write_grid(s, "mat.yaml", &s->scene->mat) : TSUYA_OK);
     TSUYA_TRY(s->scene->has_board ? tsuya_simulate_write_grid(s, "board.yaml", &s->scene->board) : TSUYA_OK);

@@ -52,6 +52,7 @@ typedef struct tsuya_scene_tags {
 
 typedef struct tsuya_scene_goniometer {
     double azimuth_step_deg, tilt_step_deg, noise;
+    double photo_step_deg, photo_scale;            /* tilts that are photographed; of the photographs' size */
     bool photos, spectra;                          /* of the swatch with tags on the stage; of a spectroradiometer */
     tsuya_yaml_list dye;                           /* of the swatch, r g b */
 } tsuya_scene_goniometer;

@@ -60,7 +60,8 @@ static const tsuya_yaml_field tags_fields[] = {
 static const tsuya_yaml_field goniometer_fields[] = {
     FIELD(tsuya_scene_goniometer, azimuth_step_deg, TSUYA_YAML_NUMBER), FIELD(tsuya_scene_goniometer, tilt_step_deg, TSUYA_YAML_NUMBER),
     FIELD(tsuya_scene_goniometer, noise, TSUYA_YAML_NUMBER), FIELD(tsuya_scene_goniometer, photos, TSUYA_YAML_BOOL),
-    FIELD(tsuya_scene_goniometer, spectra, TSUYA_YAML_BOOL), FIELD(tsuya_scene_goniometer, dye, TSUYA_YAML_NUMBERS), {0},
+    FIELD(tsuya_scene_goniometer, spectra, TSUYA_YAML_BOOL), FIELD(tsuya_scene_goniometer, dye, TSUYA_YAML_NUMBERS),
+    FIELD(tsuya_scene_goniometer, photo_step_deg, TSUYA_YAML_NUMBER), FIELD(tsuya_scene_goniometer, photo_scale, TSUYA_YAML_NUMBER), {0},
 };
 static const tsuya_yaml_field scene_fields[] = {
     FIELD(tsuya_simulate_scene, name, TSUYA_YAML_TEXT),
@@ -111,7 +112,8 @@ static const int_rule tags_ints[] = {
 };
 static const number_rule goniometer_numbers[] = {
     NUMBER(tsuya_scene_goniometer, azimuth_step_deg, 45, 1, 180), NUMBER(tsuya_scene_goniometer, tilt_step_deg, 3, 0.5, 57),
-    NUMBER(tsuya_scene_goniometer, noise, 0.01, 0, 0.5), {0},
+    NUMBER(tsuya_scene_goniometer, noise, 0.01, 0, 0.5),          NUMBER(tsuya_scene_goniometer, photo_step_deg, NAN, 0.5, 57),
+    NUMBER(tsuya_scene_goniometer, photo_scale, 1, 0.02, 1),      {0},
 };
 static const int_rule scene_ints[] = {NUMBER(tsuya_simulate_scene, seed, 1, 0, INT_MAX), NUMBER(tsuya_simulate_scene, hold_out, 2, 0, 100), {0}};
 
@@ -242,6 +244,7 @@ static tsuya_status check(tsuya_simulate_scene *s)
     TSUYA_TRY(choose(s->path, "mat: family", &s->mat.family, families));
     TSUYA_TRY(choose(s->path, "board: family", &s->board.family, families));
     TSUYA_TRY(settle(s->path, "goniometer: ", &s->goniometer, goniometer_numbers, NULL));
+    s->goniometer.photo_step_deg = isnan(s->goniometer.photo_step_deg) ? s->goniometer.tilt_step_deg : s->goniometer.photo_step_deg;
     TSUYA_TRY(check_dye(s->path, &s->goniometer.dye));
     for (int i = 0; i < s->lamps.count; i++) {
         TSUYA_TRY(check_lamp(s, (tsuya_scene_lamp *)s->lamps.item + i));

@@ -92,10 +92,10 @@ typedef struct stage {
 static tsuya_status list_positions(stage *g)
 {
     const tsuya_scene_goniometer *asked = &g->s->scene->goniometer;
-    int azimuths = (int)ceil(180.0 / asked->azimuth_step_deg - 1e-9), tilts = (int)floor(g->bench.tilt_most_deg / asked->tilt_step_deg + 1e-9);
+    int azimuths = (int)ceil(180.0 / asked->azimuth_step_deg - 1e-9), tilts = (int)floor(g->bench.tilt_most_deg / asked->photo_step_deg + 1e-9);
     g->position = tsuya_arena_alloc(g->s->scene->arena, (size_t)(azimuths * (2 * tilts + 1)), sizeof *g->position);
     for (int k = 0; g->position && k < azimuths * (2 * tilts + 1); k++) {
-        double azimuth = k / (2 * tilts + 1) * asked->azimuth_step_deg, tilt = (k % (2 * tilts + 1) - tilts) * asked->tilt_step_deg;
+        double azimuth = k / (2 * tilts + 1) * asked->azimuth_step_deg, tilt = (k % (2 * tilts + 1) - tilts) * asked->photo_step_deg;
         g->count += place(&g->position[g->count], &g->bench, g->distance_m, azimuth, tilt);
     }
     return g->position ? TSUYA_OK : TSUYA_ERROR_MEMORY;
@@ -251,10 +251,13 @@ static tsuya_status write_spectra(const stage *g)
 
 tsuya_status tsuya_simulate_swatch(simulation *s, int *photos)
 {
-    stage g = {.s = s, .bench = tsuya_goniometer_default(), .weave = tsuya_simulate_weave(s->scene, s->context->seed)};
+    double scale = s->scene->goniometer.photo_scale;
+    simulation own = *s; /* its camera read out coarsely */
+    own.camera = tsuya_camera_scaled(&s->camera, (int)lround(scale * s->camera.width_px), (int)lround(scale * s->camera.height_px));
+    stage g = {.s = &own, .bench = tsuya_goniometer_default(), .weave = tsuya_simulate_weave(s->scene, s->context->seed)};
     tsuya_status status = TSUYA_OK;
     g.weave.plain = s->swatch_dye;
-    g.distance_m = camera_distance(&s->camera);
+    g.distance_m = camera_distance(&own.camera);
     if (s->scene->goniometer.spectra) {
         status = write_spectra(&g);
     }
