@@ -10,7 +10,7 @@
 
 enum {
     KEY_MATERIAL = 1, KEY_LIGHTS, KEY_CAMERA, KEY_TURNTABLE, KEY_SIZE, KEY_ELEVATION, KEY_UP, KEY_COLOR, KEY_SPP, KEY_NOISE,
-    KEY_BOUNCES, KEY_EXPOSURE, KEY_REFERENCE, KEY_LIKE, KEY_MASK, KEY_GAIN, KEY_TRANSMISSION, LIST = 256,
+    KEY_BOUNCES, KEY_EXPOSURE, KEY_REFERENCE, KEY_LIKE, KEY_MASK, KEY_GAIN, KEY_TRANSMISSION, KEY_WHITE, LIST = 256,
 };
 
 typedef struct render_input {
@@ -22,7 +22,7 @@ typedef struct render_input {
 
 static const struct argp_option render_options[] = {
     {"material", KEY_MATERIAL, "[NAME=]MAT.json", 0, "Material, in the order of the mesh's material index; repeatable (default: a built-in silk)", 0},
-    {"lights", KEY_LIGHTS, "LIGHTS.json", 0, "Lamps: a file, daylight or torch (default: a soft studio that stands with the camera)", 0},
+    {"lights", KEY_LIGHTS, "LIGHTS.json", 0, "Lamps: a file, daylight, torch, halogen or led (default: a soft studio that stands with the camera)", 0},
     {"camera", KEY_CAMERA, "CAM.cameramodel", 0, "Camera, its extrinsics are the pose; repeatable", 0},
     {"turntable", KEY_TURNTABLE, "N", 0, "N views around the object (default 1, where no camera is given)", 0},
     {"size", KEY_SIZE, "WxH", 0, "Picture of the turntable (default 1280x960)", 0},
@@ -34,6 +34,7 @@ static const struct argp_option render_options[] = {
     {"noise", KEY_NOISE, "E", 0, "Stop a pixel at this relative error; --spp is then the most it gets", 0},
     {"bounces", KEY_BOUNCES, "N", 0, "Reflections along a path (default 4; 1: lamps only)", 0},
     {"exposure", KEY_EXPOSURE, "EV", 0, "Of the PNGs (default: a white card in the place of the cloth shows display white)", 0},
+    {"white", KEY_WHITE, "d65|lamps", 0, "What the PNGs show as white: D65 (default), or the lamps, as an eye sees that has adapted to them", 0},
     {"reference", KEY_REFERENCE, "REF.exr", 0, "Compare the first picture with this one", 0},
     {"like", KEY_LIKE, "PHOTO", 0, "Compare with this photograph; repeatable, in the order of the cameras", 0},
     {"mask", KEY_MASK, "MASK.png", 0, "What to compare of the photograph (white); repeatable, in the order of the photographs", 0},
@@ -135,6 +136,12 @@ static error_t parse_render(int key, char *arg, struct argp_state *state)
     case KEY_NOISE: o->noise = tsuya_argument_number(state, "--noise", arg, 1e-4, 1.0); return 0;
     case KEY_BOUNCES: o->bounces = tsuya_argument_int(state, "--bounces", arg, 1, 64); return 0;
     case KEY_EXPOSURE: o->exposure_ev = tsuya_argument_number(state, "--exposure", arg, -40.0, 40.0); return 0;
+    case KEY_WHITE:
+        if (strcmp(arg, "d65") != 0 && strcmp(arg, "lamps") != 0) {
+            argp_error(state, "--white: '%s' is not d65 or lamps", arg);
+        }
+        o->adapt_to_lamps = strcmp(arg, "lamps") == 0;
+        return 0;
     case KEY_REFERENCE: o->reference_path = arg; return 0;
     case KEY_LIKE: tsuya_argument_append(state, input->photo, LIST, arg); return 0;
     case KEY_MASK: tsuya_argument_append(state, input->mask, LIST, arg); return 0;

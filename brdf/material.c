@@ -127,6 +127,18 @@ tsuya_status tsuya_material_set_dye(tsuya_material *material, const double rgb[3
     return TSUYA_OK;
 }
 
+tsuya_status tsuya_material_set_channel_dye(tsuya_material *material, const double *dye)
+{
+    for (int c = 0; c < material->channel_count; ++c) {
+        if (!(dye[c] >= 0.0 && dye[c] <= 1.0 + 1e-12)) {
+            return tsuya_fail(TSUYA_ERROR_INPUT, "%s: dye %s %g: expected a reflectance in [0, 1]", material->name, material->channel[c], dye[c]);
+        }
+    }
+    memcpy(material->dye, dye, (size_t)material->channel_count * sizeof *dye);
+    material->coupling = TSUYA_DYE_UNDER_SURFACE;
+    return TSUYA_OK;
+}
+
 const double *tsuya_material_dye(const tsuya_material *material)
 {
     return material->dye;

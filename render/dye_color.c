@@ -1,5 +1,5 @@
 /* Colours as people give them: by name, as sRGB, as linear numbers, as Lab, or as a measured reflectance. */
-#include "render/render.h"
+#include "render/setup.h"
 
 #include "core/color.h"
 #include "core/image.h"
@@ -119,14 +119,13 @@ static tsuya_status parse_lab(double rgb[3], const char *text)
     return take_rgb(rgb, tsuya_rgb_from_lab((tsuya_lab){lab[0], lab[1], lab[2]}), text);
 }
 
-static tsuya_status load_spectrum(double rgb[3], const char *path)
+static tsuya_status load_table(double *nm, double *reflectance, int *rows, const char *path)
 {
     static const char *const columns[] = {"nm", "reflectance", NULL};
     const tsuya_table_options options = {.required = columns, .known = columns};
-    double nm[MOST_BANDS], reflectance[MOST_BANDS];
     tsuya_table table;
     TSUYA_TRY(tsuya_table_load(&table, path, &options));
-    int count = (int)(table.row_count < MOST_BANDS ? table.row_count : MOST_BANDS);
+    int count = *rows = (int)(table.row_count < MOST_BANDS ? table.row_count : MOST_BANDS);
     tsuya_status status = count > 0 && table.row_count <= MOST_BANDS
                               ? TSUYA_OK
                               : tsuya_fail(TSUYA_ERROR_INPUT, "%s: %zu rows; expected 1 to %d wavelengths", path, table.row_count, MOST_BANDS);
@@ -139,7 +138,30 @@ static tsuya_status load_spectrum(double rgb[3], const char *path)
         }
     }
     tsuya_table_free(&table);
-    return status == TSUYA_OK ? take_rgb(rgb, tsuya_rgb_of_reflectance(nm, reflectance, count), path) : status;
+    return status;
+}
+
+static tsuya_status load_spectrum(double rgb[3], const char *path)
+{
+    double nm[MOST_BANDS], reflectance[MOST_BANDS];
+    int rows;
+    TSUYA_TRY(load_table(nm, reflectance, &rows, path));
+    return take_rgb(rgb, tsuya_rgb_of_reflectance(nm, reflectance, rows), path);
+}
+
+tsuya_status tsuya_render_load_reflectance(double *at, const double *wanted_nm, int count, const char *path)
+{
+    double nm[MOST_BANDS], reflectance[MOST_BANDS];
+    int rows, k = 0;
+    TSUYA_TRY(load_table(nm, reflectance, &rows, path));
+    for (int c = 0; c < count; ++c) {
+        while (k + 2 < rows && nm[k + 1] < wanted_nm[c]) {
+            ++k;
+        }
+        double t = rows > 1 ? fmin(1.0, fmax(0.0, (wanted_nm[c] - nm[k]) / (nm[k + 1] - nm[k]))) : 0.0;
+        at[c] = rows > 1 ? (1.0 - t) * reflectance[k] + t * reflectance[k + 1] : reflectance[0];
+    }
+    return TSUYA_OK;
 }
 
 tsuya_status tsuya_render_check_color(const char *text)

@@ -1,5 +1,6 @@
 #include "render/film.h"
 
+#include "core/color.h"
 #include "core/memory.h"
 
 #include <math.h>
@@ -31,14 +32,40 @@ tsuya_status tsuya_film_save_exr(const tsuya_film *film, const char *path, const
     return status;
 }
 
-tsuya_status tsuya_film_save_png(const tsuya_film *film, const char *path, double exposure_ev)
+tsuya_mat3 tsuya_film_adaptation(const double white[3])
+{
+    const tsuya_mat3 cones = {{{0.8951, 0.2664, -0.1614}, {-0.7502, 1.7135, 0.0367}, {0.0389, -0.0685, 1.0296}}};
+    const tsuya_mat3 back = {{{0.9869929, -0.1470543, 0.1599627}, {0.4323053, 0.5183603, 0.0492912}, {-0.0085287, 0.0400428, 0.9684867}}};
+    tsuya_vec3 from = tsuya_mat3_apply(cones, tsuya_xyz_from_rgb((tsuya_vec3){white[0], white[1], white[2]}));
+    tsuya_vec3 to = tsuya_mat3_apply(cones, tsuya_white_d65());
+    const tsuya_vec3 unit[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    tsuya_mat3 adapt;
+    for (int c = 0; c < 3; ++c) { /* a primary's way through it, as a column */
+        tsuya_vec3 l = tsuya_mat3_apply(cones, tsuya_xyz_from_rgb(unit[c]));
+        l = (tsuya_vec3){l.x * to.x / from.x, l.y * to.y / from.y, l.z * to.z / from.z};
+        tsuya_vec3 rgb = tsuya_rgb_from_xyz(tsuya_mat3_apply(back, l));
+        adapt.e[0][c] = rgb.x;
+        adapt.e[1][c] = rgb.y;
+        adapt.e[2][c] = rgb.z;
+    }
+    return adapt;
+}
+
+tsuya_status tsuya_film_save_png(const tsuya_film *film, const char *path, double exposure_ev, const tsuya_mat3 *adapt)
 {
     tsuya_image image;
     float gain = (float)exp2(exposure_ev);
     TSUYA_TRY(tsuya_image_create(&image, film->width_px, film->height_px, 3, TSUYA_SAMPLE_U8, TSUYA_ENCODING_SRGB));
     for (int y = 0; y < film->height_px; ++y) {
         for (int x = 0; x < film->width_px; ++x) {
-            const float *linear = film->rgb + 3 * ((size_t)y * (size_t)film->width_px + (size_t)x);
+            const float *seen = film->rgb + 3 * ((size_t)y * (size_t)film->width_px + (size_t)x);
+            float linear[3] = {seen[0], seen[1], seen[2]};
+            if (adapt) {
+                tsuya_vec3 v = tsuya_mat3_apply(*adapt, (tsuya_vec3){seen[0], seen[1], seen[2]});
+                linear[0] = (float)v.x;
+                linear[1] = (float)v.y;
+                linear[2] = (float)v.z;
+            }
             uint8_t *pixel = tsuya_image_u8(&image, x, y);
             for (int c = 0; c < 3; ++c) {
                 pixel[c] = (uint8_t)lrintf(255.0f * tsuya_srgb_encode(gain * linear[c]));
@@ -56,9 +83,10 @@ static int compare_floats(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-tsuya_status tsuya_film_card_exposure(double *exposure_ev, const tsuya_film *film)
+tsuya_status tsuya_film_card_exposure(double *exposure_ev, double white[3], const tsuya_film *film)
 {
     size_t pixels = (size_t)film->width_px * (size_t)film->height_px, count = 0;
+    double sum[3] = {0, 0, 0};
     float *luminance = tsuya_calloc(pixels, sizeof *luminance);
     if (!luminance) {
         return TSUYA_ERROR_MEMORY;
@@ -66,12 +94,19 @@ tsuya_status tsuya_film_card_exposure(double *exposure_ev, const tsuya_film *fil
     for (size_t k = 0; k < pixels; ++k) {
         const float *rgb = film->rgb + 3 * k;
         if (film->alpha[k] > 0.5f) {
+            for (int c = 0; c < 3; ++c) {
+                sum[c] += rgb[c];
+            }
             luminance[count++] = 0.2126f * rgb[0] + 0.7152f * rgb[1] + 0.0722f * rgb[2];
         }
     }
     qsort(luminance, count, sizeof *luminance, compare_floats);
     double middle = count > 0 ? luminance[(count - 1) / 2] : 0.0;
     *exposure_ev = middle > 0.0 ? -log2(middle) : 0.0;
+    double y = 0.2126 * sum[0] + 0.7152 * sum[1] + 0.0722 * sum[2];
+    for (int c = 0; c < 3; ++c) {
+        white[c] = y > 0.0 ? sum[c] / y : 1.0;
+    }
     tsuya_free(luminance);
     return TSUYA_OK;
 }

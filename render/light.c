@@ -7,6 +7,13 @@
 #include "render/frame.h"
 
 #include <math.h>
+#include <string.h>
+
+/* As rgb of the eye's luminance. */
+static double luminance_of(const double rgb[3])
+{
+    return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
+}
 
 static bool finite3(tsuya_vec3 v)
 {
@@ -44,7 +51,7 @@ static tsuya_status check_shape(const tsuya_light *l, const char *name)
 
 static void derive(tsuya_light *l)
 {
-    l->luminance = 0.2126 * l->rgb[0] + 0.7152 * l->rgb[1] + 0.0722 * l->rgb[2];
+    l->luminance = luminance_of(l->rgb);
     /* a lamp of pure blue is still chosen often enough */
     l->luminance = fmax(l->luminance, 0.1 * fmax(l->rgb[0], fmax(l->rgb[1], l->rgb[2])));
     if (l->map) {
@@ -69,6 +76,7 @@ tsuya_status tsuya_light_set_add(tsuya_light_set *set, const tsuya_light *light,
     tsuya_light *grown = status == TSUYA_OK ? tsuya_realloc(set->light, (size_t)set->count + 1, sizeof *grown) : NULL;
     if (!grown) {
         tsuya_environment_free(light->map);
+        tsuya_free(light->spectrum);
         return status != TSUYA_OK ? status : TSUYA_ERROR_MEMORY;
     }
     set->light = grown;
@@ -81,9 +89,35 @@ void tsuya_light_set_free(tsuya_light_set *set)
 {
     for (int k = 0; k < set->count; ++k) {
         tsuya_environment_free(set->light[k].map);
+        tsuya_free(set->light[k].spectrum);
     }
     tsuya_free(set->light);
     *set = (tsuya_light_set){0};
+}
+
+tsuya_status tsuya_light_take_spectrum(tsuya_light *light, const char *name, const char *folder)
+{
+    tsuya_lamp_spectrum *spectrum = tsuya_calloc(1, sizeof *spectrum);
+    tsuya_status status = spectrum ? tsuya_lamp_spectrum_load(spectrum, name, folder) : TSUYA_ERROR_MEMORY;
+    if (status != TSUYA_OK) {
+        tsuya_free(spectrum);
+        return status;
+    }
+    tsuya_vec3 color = tsuya_vec3_scale(tsuya_lamp_spectrum_rgb(spectrum), luminance_of(light->rgb));
+    const double rgb[3] = {color.x, color.y, color.z};
+    memcpy(light->rgb, rgb, sizeof rgb);
+    tsuya_free(light->spectrum);
+    light->spectrum = spectrum;
+    return TSUYA_OK;
+}
+
+tsuya_status tsuya_light_set_give_spectrum(tsuya_light_set *set, const char *name)
+{
+    for (int k = 0; k < set->count; ++k) {
+        TSUYA_TRY(tsuya_light_take_spectrum(&set->light[k], name, "."));
+        derive(&set->light[k]);
+    }
+    return TSUYA_OK;
 }
 
 static tsuya_status add_studio_rect(tsuya_light_set *set, tsuya_vec3 center, tsuya_vec3 to_lamp, tsuya_vec3 up, double distance,

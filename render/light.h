@@ -10,6 +10,7 @@
 #include "core/json.h"
 
 #include "render/environment.h"
+#include "render/lamp_spectrum.h"
 
 typedef enum tsuya_light_kind {
     TSUYA_LIGHT_POINT,
@@ -27,6 +28,9 @@ typedef struct tsuya_light {
     double size_m[2];       /* rect: width (along direction × up) and height; disk: diameter in [0] */
     double cone_rad[2];     /* spot: full intensity within [0], none beyond [1], angles from the axis, smooth between */
     double rgb[3];          /* environment with a map: factor on the map */
+    /* NULL: the colour alone is known.  Else rgb is its colour, and its luminance the level; a spectral picture uses the spectrum
+     * itself.  Not with a map. */
+    tsuya_lamp_spectrum *spectrum; /* owned by the set */
     /* Set by tsuya_light_set_add: */
     tsuya_vec3 side;        /* unit, direction × up */
     double area_m2;
@@ -39,13 +43,14 @@ typedef struct tsuya_light_set {
     int count;
 } tsuya_light_set;
 
-/* Copies the lamp into the set and takes the map's ownership (also on failure).  Fails on zero or non-finite directions,
+/* Copies the lamp into the set and takes the map's and the spectrum's ownership (also on failure).  Fails on zero or non-finite directions,
  * sizes, cones and negative rgb; `name` is for messages.  An environment without direction and up looks along +x with +z up. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_light_set_add(tsuya_light_set *set, const tsuya_light *light, const char *name);
 TSUYA_API void tsuya_light_set_free(tsuya_light_set *set);
 
 /* {"lights": [{"type": "point|spot|directional|disk|rect|environment", "position_m", "direction", "up", "size_m",
- * "cone_deg": [inner, outer], "rgb", "file"}]}.  "file" is relative to the document's folder.  disk: size_m [diameter] or
+ * "cone_deg": [inner, outer], "rgb", "spectrum", "file"}]}.  With "spectrum" (render/lamp_spectrum.h) the luminance of "rgb" is the level and the colour is the spectrum's.
+ * "file" and a table of "spectrum" are relative to the document's folder.  disk: size_m [diameter] or
  * [diameter, diameter].  Unknown keys are refused with the nearest known one. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_light_set_load(tsuya_light_set *set, const char *path);
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_light_set_parse(tsuya_light_set *set, const char *text, const char *name_for_messages,
@@ -55,6 +60,11 @@ TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_light_set_parse(tsuya_light_set *s
  * a dim constant environment.  A white surface at `center` that faces the key has radiance near 1. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_light_set_studio(tsuya_light_set *set, tsuya_vec3 center, double radius_m,
                                                                tsuya_vec3 eye, tsuya_vec3 up);
+
+/* The lamp's colour becomes the spectrum's, its luminance stays.  `folder`: of a table. */
+TSUYA_MUST_CHECK tsuya_status tsuya_light_take_spectrum(tsuya_light *light, const char *name, const char *folder);
+/* Gives every lamp of the set this spectrum, at its level. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_light_set_give_spectrum(tsuya_light_set *set, const char *name);
 
 /* Light that arrives at a point from one lamp. */
 typedef struct tsuya_light_sample {

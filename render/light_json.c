@@ -9,7 +9,7 @@
 #include <string.h>
 
 static const char *const kind_names[] = {"point", "spot", "directional", "disk", "rect", "environment", NULL};
-static const char *const keys[] = {"type", "position_m", "direction", "up", "size_m", "cone_deg", "rgb", "file", "name", NULL};
+static const char *const keys[] = {"type", "position_m", "direction", "up", "size_m", "cone_deg", "rgb", "spectrum", "file", "name", NULL};
 
 enum { LIGHT_LIMIT = 4096 };
 
@@ -89,6 +89,19 @@ static tsuya_status read_map(tsuya_light *l, const tsuya_json *object, const cha
     return status;
 }
 
+static tsuya_status read_spectrum(tsuya_light *l, const tsuya_json *object, const char *label, const char *folder)
+{
+    const char *name;
+    if (!tsuya_json_member(object, "spectrum")) {
+        return TSUYA_OK;
+    }
+    TSUYA_TRY(tsuya_json_get_text(&name, object, "spectrum"));
+    if (tsuya_json_member(object, "file")) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: spectrum: a map brings its own colours; expected \"file\" or \"spectrum\"", label);
+    }
+    return tsuya_light_take_spectrum(l, name, folder);
+}
+
 static tsuya_status read_light(tsuya_light *l, const tsuya_json *object, const char *label, const char *folder)
 {
     const char *type;
@@ -118,6 +131,7 @@ static tsuya_status read_light(tsuya_light *l, const tsuya_json *object, const c
     } else {
         TSUYA_TRY(tsuya_json_get_numbers(l->rgb, 3, object, "rgb"));
     }
+    TSUYA_TRY(read_spectrum(l, object, label, folder));
     return read_map(l, object, label, folder);
 }
 
@@ -143,7 +157,11 @@ static tsuya_status read_all(tsuya_light_set *set, const tsuya_json *root, const
         char label[512];
         tsuya_light light = {0};
         snprintf(label, sizeof label, "%.460s: lights[%d]", file, k);
-        TSUYA_TRY(with_label(read_light(&light, item, label, folder), label));
+        tsuya_status status = with_label(read_light(&light, item, label, folder), label);
+        if (status != TSUYA_OK) {
+            tsuya_free(light.spectrum);
+            return status;
+        }
         TSUYA_TRY(tsuya_light_set_add(set, &light, label));
     }
     return TSUYA_OK;

@@ -474,11 +474,12 @@ tsuya_status tsuya_path_render(tsuya_film *film, tsuya_path_info *info, const ts
 {
     tsuya_status status = TSUYA_OK;
     double start = tsuya_clock_s();
-    picture p = {.tracer = tsuya_tracer_make(scene, lights, options), .camera = camera, .camera_from_world = camera_from_world,
+    picture p = {.camera = camera, .camera_from_world = camera_from_world,
                  .eye = tsuya_pose_center(camera_from_world), .plain = !bends(camera), .seed = context->seed};
     *film = (tsuya_film){camera->width_px, camera->height_px, NULL, NULL, NULL, NULL};
     *info = (tsuya_path_info){0};
     TSUYA_TRY(check(camera, options));
+    TSUYA_TRY(tsuya_tracer_create(&p.tracer, scene, lights, options));
     straighten(&p);
     size_t pixels = (size_t)camera->width_px * (size_t)camera->height_px;
     TSUYA_NEW(status, film->rgb, 3 * pixels);
@@ -494,6 +495,7 @@ tsuya_status tsuya_path_render(tsuya_film *film, tsuya_path_info *info, const ts
 done:
     tsuya_free(p.sum);
     tsuya_free(p.target);
+    tsuya_tracer_free(&p.tracer);
     if (status != TSUYA_OK) {
         tsuya_film_free(film);
     }

@@ -5,14 +5,26 @@
 #include "core/spectrum.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
-enum { SKY_WIDTH = 512, SKY_HEIGHT = 256 };
+enum { SKY_WIDTH = 512, SKY_HEIGHT = 256, PRESETS = TSUYA_PRESET_LED + 1 };
+
+static const char *const preset_names[PRESETS] = {"", "daylight", "torch", "halogen", "led"};
 
 tsuya_light_preset tsuya_light_preset_find(const char *name)
 {
-    return strcmp(name, "daylight") == 0 ? TSUYA_PRESET_DAYLIGHT : strcmp(name, "torch") == 0 ? TSUYA_PRESET_TORCH : TSUYA_PRESET_NONE;
+    for (int k = TSUYA_PRESET_NONE + 1; k < PRESETS; ++k) {
+        if (strcmp(preset_names[k], name) == 0) {
+            return (tsuya_light_preset)k;
+        }
+    }
+    return TSUYA_PRESET_NONE;
 }
+
+const char *tsuya_light_preset_name(tsuya_light_preset preset) { return preset_names[preset]; }
+
+bool tsuya_light_preset_is_studio(tsuya_light_preset preset) { return preset == TSUYA_PRESET_HALOGEN || preset == TSUYA_PRESET_LED; }
 
 /* The turntable's first camera looks from here (render/views.c). */
 static tsuya_vec3 front_of(tsuya_vec3 up)
@@ -80,7 +92,8 @@ static tsuya_status add_daylight(tsuya_light_set *set, tsuya_vec3 up)
     tsuya_light sun = {.kind = TSUYA_LIGHT_DIRECTIONAL, .direction = tsuya_vec3_scale(to_sun, -1.0)};
     tsuya_light dome = {.kind = TSUYA_LIGHT_ENVIRONMENT, .direction = front, .up = up, .rgb = {1, 1, 1}};
     tsuya_image image;
-    set_rgb(&sun, tsuya_rgb_of_daylight(5400.0), direct);
+    set_rgb(&sun, (tsuya_vec3){1, 1, 1}, direct);
+    TSUYA_TRY(tsuya_light_take_spectrum(&sun, "D5400K", "."));
     TSUYA_TRY(tsuya_light_set_add(set, &sun, "daylight"));
     TSUYA_TRY(tsuya_image_create(&image, SKY_WIDTH, SKY_HEIGHT, 3, TSUYA_SAMPLE_F32, TSUYA_ENCODING_LINEAR));
     tsuya_vec3 map_right = tsuya_vec3_cross(front, up);
@@ -119,7 +132,10 @@ static tsuya_status add_fire(tsuya_light_set *set, tsuya_vec3 base, tsuya_vec3 c
     fire.direction = tsuya_vec3_sub(center, fire.position_m);
     double r = tsuya_vec3_norm(fire.direction), area = M_PI / 4.0 * fire.size_m[0] * fire.size_m[0];
     /* irradiance 10 W m⁻² at the subject */
-    set_rgb(&fire, tsuya_rgb_of_blackbody(1900.0 + 60.0 * (strength - 1.0)), 10.0 * strength * r * r / area);
+    char kelvin[32];
+    snprintf(kelvin, sizeof kelvin, "%.1fK", 1900.0 + 60.0 * (strength - 1.0));
+    set_rgb(&fire, (tsuya_vec3){1, 1, 1}, 10.0 * strength * r * r / area);
+    TSUYA_TRY(tsuya_light_take_spectrum(&fire, kelvin, "."));
     return tsuya_light_set_add(set, &fire, "torch");
 }
 
@@ -141,6 +157,9 @@ tsuya_status tsuya_light_set_preset(tsuya_light_set *set, tsuya_light_preset pre
                                     uint64_t seed, int frame)
 {
     *set = (tsuya_light_set){0};
+    if (preset == TSUYA_PRESET_NONE || tsuya_light_preset_is_studio(preset)) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "preset \"%s\": stands with the camera", preset_names[preset]);
+    }
     tsuya_status status = preset == TSUYA_PRESET_DAYLIGHT ? add_daylight(set, up) : add_torch(set, center, radius_m, up, seed, frame);
     if (status != TSUYA_OK) {
         tsuya_light_set_free(set);

@@ -11,7 +11,7 @@
 #include <string.h>
 
 /* Raised when the pictures of unchanged inputs change. */
-static const char stage_version[] = "render 5";
+static const char stage_version[] = "render 6";
 
 tsuya_render_options tsuya_render_options_default(void)
 {
@@ -70,7 +70,8 @@ typedef struct stage {
     tsuya_json *document, *old; /* what is written now; what an earlier run left (NULL: nothing) */
     tsuya_json *pictures;       /* array inside document */
     tsuya_hash inputs;          /* all that every picture depends on */
-    double exposure_ev;
+    double exposure_ev, white[3]; /* white: of the lamps on a white card */
+    tsuya_mat3 adapt;             /* of the PNGs, where they are adapted */
     int frame;                  /* for progress */
     tsuya_like_sum *like;       /* [0] photographs that the reconstruction used, [1] held out */
 } stage;
@@ -133,6 +134,9 @@ static void hash_lights(tsuya_hasher *hasher, const tsuya_light_set *set)
         hash_numbers(hasher, l->size_m, 2);
         hash_numbers(hasher, l->cone_rad, 2);
         hash_numbers(hasher, l->rgb, 3);
+        if (l->spectrum) {
+            hash_numbers(hasher, l->spectrum->power, TSUYA_SPECTRUM_COUNT);
+        }
         if (map) {
             tsuya_hasher_add(hasher, map, bytes);
         }
@@ -151,6 +155,10 @@ static tsuya_status hash_inputs(stage *s)
     hash_lights(hasher, &s->setup.lights);
     hash_numbers(hasher, (const double[]){s->setup.dye, s->setup.studio, s->path.spp, s->path.noise, s->path.bounces, s->setup.vertex_dye_scale}, 6);
     hash_numbers(hasher, s->setup.dye_rgb, 3);
+    if (s->setup.dye_of_bands) {
+        hash_numbers(hasher, s->setup.dye_of_bands, s->setup.bands->count);
+    }
+    hash_numbers(hasher, (const double[]){s->options->adapt_to_lamps}, 1);
     hash_numbers(hasher, s->options->transmission, 3);
     hash_numbers(hasher, (const double[]){s->setup.preset}, 1);
     hash_vec3(hasher, s->setup.up);
@@ -201,7 +209,8 @@ static tsuya_status render_card(stage *s, const tsuya_render_frame *f, const tsu
     path.card = white;
     context.progress = NULL;
     TSUYA_TRY(render_frame(s, f, &small, &path, &film, &info, &context));
-    tsuya_status status = tsuya_film_card_exposure(&s->exposure_ev, &film);
+    tsuya_status status = tsuya_film_card_exposure(&s->exposure_ev, s->white, &film);
+    s->adapt = tsuya_film_adaptation(s->white);
     tsuya_film_free(&film);
     return status;
 }
@@ -213,13 +222,14 @@ static tsuya_status choose_exposure(stage *s)
     tsuya_material *card = NULL;
     tsuya_shader white;
     s->exposure_ev = s->options->exposure_ev;
-    if (!isnan(s->exposure_ev)) {
+    if (!isnan(s->exposure_ev) && !s->options->adapt_to_lamps) {
         return TSUYA_OK;
     }
     tsuya_status status;
     TSUYA_GOTO_DONE(status, tsuya_material_lambert(&card, one));
     TSUYA_GOTO_DONE(status, tsuya_shader_from_material(&white, card));
     TSUYA_GOTO_DONE(status, render_card(s, &s->setup.frame[0], &white));
+    s->exposure_ev = isnan(s->options->exposure_ev) ? s->exposure_ev : s->options->exposure_ev;
 done:
     tsuya_material_free(card);
     return status;
@@ -256,12 +266,14 @@ static tsuya_status save_film(const stage *s, const tsuya_render_frame *f, const
     snprintf(samples, sizeof samples, "%.6g", info->spp_mean);
     snprintf(bounces, sizeof bounces, "%d", s->path.bounces);
     snprintf(camera, sizeof camera, "%.120s; fx %.6f fy %.6f cx %.6f cy %.6f", f->source, c->fx_px, c->fy_px, c->cx_px, c->cy_px);
-    tsuya_film_note note = {.count = 7,
-                            .name = {"software", "camera", "model", "seed", "samples", "bounces", "colorSpace"},
+    char wavelengths[32];
+    snprintf(wavelengths, sizeof wavelengths, "%d", s->setup.bands ? s->setup.bands->count : 0);
+    tsuya_film_note note = {.count = s->setup.bands ? 9 : 7,
+                            .name = {"software", "camera", "model", "seed", "samples", "bounces", "colorSpace", "wavelengths", "adaptation"},
                             .value = {"tsuya " TSUYA_VERSION, camera, tsuya_material_get_info(s->setup.material[0]).name, seed, samples,
-                                      bounces, "linear Rec.709"}};
+                                      bounces, "linear Rec.709", wavelengths, "none (D65)"}};
     TSUYA_TRY(tsuya_film_save_exr(film, exr, &note));
-    return tsuya_film_save_png(film, png, s->exposure_ev);
+    return tsuya_film_save_png(film, png, s->exposure_ev, s->options->adapt_to_lamps ? &s->adapt : NULL);
 }
 
 static tsuya_json *record_frame(stage *s, const tsuya_render_frame *f, tsuya_hash stamp, const tsuya_path_info *info)
@@ -365,6 +377,17 @@ static tsuya_status render_sequence(stage *s, double start)
     return TSUYA_OK;
 }
 
+static void describe_bands(stage *s)
+{
+    const tsuya_bands *b = s->setup.bands;
+    if (b) {
+        tsuya_json *spectral = tsuya_json_set_object(s->document, "spectral");
+        tsuya_json_set_number(spectral, "wavelengths", b->count);
+        tsuya_json_set_numbers(spectral, "range_nm", (const double[]){b->nm[0], b->nm[b->count - 1]}, 2);
+        tsuya_json_set_text(spectral, "observer", "CIE 1931 2° (fit of 2013), no adaptation in the EXR");
+    }
+}
+
 static void describe(stage *s)
 {
     static const char *const dye_name[] = {"material", "vertex colours", "colour"};
@@ -389,6 +412,11 @@ static void describe(stage *s)
                                               ? "the median of a white card in the place of the cloth, lit by the lamps alone, is display white"
                                               : "given");
     tsuya_json_set_text(view, "curve", "linear × 2^exposure_ev, clipped to [0, 1], sRGB");
+    tsuya_json_set_text(view, "adaptation", s->options->adapt_to_lamps ? "Bradford, from the white card's mean colour to D65" : "none");
+    if (s->options->adapt_to_lamps) {
+        tsuya_json_set_numbers(view, "white", s->white, 3);
+    }
+    describe_bands(s);
     s->pictures = tsuya_json_set_array(s->document, "pictures");
 }
 

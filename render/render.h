@@ -35,6 +35,7 @@ typedef struct tsuya_render_options {
     double noise;                    /* > 0: relative standard error that a pixel aims at; see render/path.h */
     int bounces;                     /* reflections along a path; 1: lamps only */
     double exposure_ev;              /* of the PNGs; NaN: from a white card in the first picture, see render/film.h */
+    bool adapt_to_lamps;             /* PNGs as an eye sees them that has adapted to the lamps' white; false: to D65 */
     const char *reference_path;      /* linear EXR to compare the first picture with; NULL: none */
     const char *output_folder;       /* JOB/render */
     const char *name;                /* subfolder; NULL: output_folder itself */
@@ -71,8 +72,11 @@ typedef struct tsuya_render_info {
  * Colour: `color` becomes the dye under the measured surface part.  "photographs": the mesh's vertex colours do, and so they do
  * without `color` where the mesh has some.  "material": what was measured stays.
  *
- * Fails on unreadable inputs (named), NaN vertices (index named), a mesh without vertices, materials whose channels are not
- * r, g, b. */
+ * Where a material's channels are wavelengths the picture is rendered at all of them (render/bands.h); colours are then what the
+ * 2° observer sees, as linear Rec.709, without adaptation: a white lit by D65 is 1, 1, 1, one lit by halogen is orange.
+ *
+ * Fails on unreadable inputs (named), NaN vertices (index named), a mesh without vertices, materials whose channels are neither
+ * r, g, b nor wavelengths from 430 to 670 nm. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_render(tsuya_render_info *info, const tsuya_render_options *options,
                                                      const tsuya_context *context);
 TSUYA_API void tsuya_render_info_to_json(tsuya_json *object, const tsuya_render_info *info);

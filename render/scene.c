@@ -27,6 +27,8 @@ struct tsuya_scene {
     tsuya_shader *shader;
     int shader_count;
     tsuya_dye_source dye;
+    const tsuya_bands *bands;
+    const double *dye_of_bands;
     tsuya_vec3 low, high;
     double bias; /* distance that a float ray needs to clear the surface it leaves */
 };
@@ -45,13 +47,15 @@ tsuya_status tsuya_shader_from_material(tsuya_shader *shader, const tsuya_materi
 {
     static const char *const rgb[3] = {"r", "g", "b"};
     tsuya_material_info info = tsuya_material_get_info(material);
-    for (int c = 0; c < 3; ++c) {
-        if (info.channel_count != 3 || strcmp(info.channel[c], rgb[c]) != 0) {
-            return tsuya_fail(TSUYA_ERROR_INPUT, "%s: %d channels from \"%s\"; rendering needs the channels r, g, b", info.name,
-                              info.channel_count, info.channel[0]);
-        }
+    bool colors = info.channel_count == 3;
+    for (int c = 0; colors && c < 3; ++c) {
+        colors = strcmp(info.channel[c], rgb[c]) == 0;
     }
-    *shader = (tsuya_shader){.user = material, .eval_pdf = material_eval_pdf, .sample = material_sample, .material = material};
+    if (!colors) {
+        tsuya_bands bands;
+        TSUYA_TRY(tsuya_bands_of_material(&bands, material));
+    }
+    *shader = (tsuya_shader){.user = material, .eval_pdf = material_eval_pdf, .sample = material_sample, .material = material, .spectral = !colors};
     return TSUYA_OK;
 }
 
@@ -84,6 +88,12 @@ static tsuya_status check_options(const tsuya_mesh *mesh, const tsuya_scene_opti
         if (mesh->material[v] >= o->shader_count) {
             return tsuya_fail(TSUYA_ERROR_INPUT, "mesh: vertex %zu: material %d; %d materials are given", v, mesh->material[v],
                               o->shader_count);
+        }
+    }
+    for (int k = 0; k < o->shader_count; ++k) {
+        if (o->shader[k].spectral && !(o->bands && tsuya_bands_match(o->bands, o->shader[k].material))) {
+            return tsuya_fail(TSUYA_ERROR_INPUT, "%s: other wavelengths than the first spectral material; materials of one picture need the same ones, "
+                              "or r, g, b", tsuya_material_get_info(o->shader[k].material).name);
         }
     }
     for (int k = 0; k < 3 * o->shader_count; ++k) {
@@ -136,6 +146,8 @@ static tsuya_status fill(tsuya_scene *s, const tsuya_mesh *mesh, const tsuya_sce
     memcpy(s->shader, o->shader, (size_t)o->shader_count * sizeof *s->shader);
     s->shader_count = o->shader_count;
     s->dye = o->dye;
+    s->bands = o->bands;
+    s->dye_of_bands = o->dye == TSUYA_DYE_OF_COLOR ? o->dye_of_bands : NULL;
     if (!normal) {
         TSUYA_GOTO_DONE(status, tsuya_mesh_create(&with_normals, mesh->vertex_count, mesh->triangle_count, TSUYA_MESH_NORMAL));
         memcpy(with_normals.position, mesh->position, 3 * mesh->vertex_count * sizeof *mesh->position);
@@ -205,6 +217,10 @@ void tsuya_scene_occluded_packet(const tsuya_scene *scene, const tsuya_ray *ray,
 {
     tsuya_ray_scene_occluded_packet(scene->rays, ray, count, occluded);
 }
+
+const tsuya_bands *tsuya_scene_bands(const tsuya_scene *scene) { return scene->bands; }
+
+const double *tsuya_scene_dye_of_bands(const tsuya_scene *scene) { return scene->dye_of_bands; }
 
 void tsuya_scene_bounds(const tsuya_scene *scene, tsuya_vec3 *low, tsuya_vec3 *high)
 {

@@ -6,6 +6,7 @@
 
 #include "core/mesh.h"
 
+#include "render/bands.h"
 #include "render/embree_adapter.h"
 
 /* How a cloth reflects, in its own frame (x weft, y warp, z normal); wi and wo unit, wo above the surface.  dye: three
@@ -18,12 +19,13 @@ typedef struct tsuya_shader {
     bool (*sample)(const void *user, const double *dye, tsuya_vec3 wo, const double u[3], tsuya_vec3 *wi);
     /* Not NULL: the same as the two functions, which then look up once what depends on wo alone (tsuya_material_view). */
     const tsuya_material *material;
+    bool spectral; /* the material's channels are the scene's bands instead of r g b */
     /* Share of the light that falls on one side and leaves the other, evenly spread (thin cloth, Lambert), both ways alike.  What
      * is reflected and this together must not exceed 1. */
     double transmittance[3];
 } tsuya_shader;
 
-/* Borrows the material.  Fails unless its channels are r, g, b. */
+/* Borrows the material.  Fails unless its channels are r, g, b or wavelengths as render/bands.h wants them. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_shader_from_material(tsuya_shader *shader, const tsuya_material *material);
 
 typedef enum tsuya_dye_source {
@@ -39,6 +41,10 @@ typedef struct tsuya_scene_options {
     double dye_rgb[3]; /* linear, for TSUYA_DYE_OF_COLOR */
     /* Colours of photographs carry their shading and can reach 1; a cloth reflects less.  Factor on vertex colours. */
     double vertex_dye_scale;
+    /* Wavelengths of a spectral render, borrowed; NULL: r, g, b, and no shader is spectral.  Shaders that are not spectral reflect what
+     * their colours do (render/bands.h). */
+    const tsuya_bands *bands;
+    const double *dye_of_bands; /* borrowed; the spectrum of dye_rgb for TSUYA_DYE_OF_COLOR; NULL: made from it */
 } tsuya_scene_options;
 TSUYA_API tsuya_scene_options tsuya_scene_options_default(void); /* no shader, dye of the material, scale 0.8 */
 
@@ -47,7 +53,7 @@ typedef struct tsuya_scene tsuya_scene;
 /* Copies what it needs of the mesh; borrows what stands behind the shaders.  Normals are computed where the mesh has none;
  * zero or non-finite normals fall back to the triangle's own.  Where the weft is missing, zero, non-finite or parallel to the
  * normal, the reflectance is averaged over the azimuth (a random turn per sample); a mesh with no weft at all is said once as a
- * warning.  Fails on non-finite vertices (index named), indices out of range, a material index without a shader,
+ * warning.  Fails on spectral shaders of other wavelengths than `bands`, non-finite vertices (index named), indices out of range, a material index without a shader,
  * dye outside [0, 1]. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_scene_create(tsuya_scene **scene, const tsuya_mesh *mesh,
                                                            const tsuya_scene_options *options);
@@ -71,6 +77,10 @@ bool tsuya_scene_occluded(const tsuya_scene *scene, const tsuya_ray *ray);
 /* As in render/embree_adapter.h. */
 void tsuya_scene_intersect_packet(const tsuya_scene *scene, const tsuya_ray *ray, int count, tsuya_ray_hit *hit, bool *met);
 void tsuya_scene_occluded_packet(const tsuya_scene *scene, const tsuya_ray *ray, int count, bool *occluded);
+/* NULL: r, g, b. */
+const tsuya_bands *tsuya_scene_bands(const tsuya_scene *scene);
+/* The one dye's spectrum; NULL: surfaces have dyes of their own. */
+const double *tsuya_scene_dye_of_bands(const tsuya_scene *scene);
 void tsuya_scene_surface(const tsuya_scene *scene, const tsuya_ray_hit *hit, tsuya_vec3 wo, tsuya_surface *surface);
 /* Where a ray from a surface point towards wi starts; false when wi leaves through the cloth (nothing gets there). */
 bool tsuya_surface_ray_origin(const tsuya_scene *scene, const tsuya_surface *surface, tsuya_vec3 wi, tsuya_vec3 *origin);

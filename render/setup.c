@@ -8,6 +8,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
+#include <strings.h>
 
 static tsuya_status load_materials(tsuya_render_setup *s, const tsuya_render_options *o)
 {
@@ -26,6 +27,48 @@ static tsuya_status load_materials(tsuya_render_setup *s, const tsuya_render_opt
         s->default_material |= tsuya_material_get_info(s->material[k]).is_default;
     }
     return TSUYA_OK;
+}
+
+static bool is_csv(const char *text)
+{
+    size_t length = strlen(text);
+    return length > 4 && strcasecmp(text + length - 4, ".csv") == 0;
+}
+
+/* The colour's spectrum: measured, or made up for it. */
+static tsuya_status spread_dye(tsuya_render_setup *s, const char *color)
+{
+    s->dye_of_bands = tsuya_arena_alloc(s->arena, (size_t)s->bands->count, sizeof *s->dye_of_bands);
+    if (!s->dye_of_bands) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    tsuya_bands_spread(s->dye_of_bands, s->bands, s->dye_rgb);
+    return is_csv(color) ? tsuya_render_load_reflectance(s->dye_of_bands, s->bands->nm, s->bands->count, color) : TSUYA_OK;
+}
+
+/* The wavelengths of the first spectral material; all others have the same ones (tsuya_scene_create). */
+static tsuya_status find_bands(tsuya_render_setup *s, const tsuya_shader *shader)
+{
+    for (int k = 0; k < s->material_count && !s->bands; ++k) {
+        if (shader[k].spectral) {
+            s->bands = tsuya_arena_alloc(s->arena, 1, sizeof *s->bands);
+            return s->bands ? tsuya_bands_of_material(s->bands, s->material[k]) : TSUYA_ERROR_MEMORY;
+        }
+    }
+    return TSUYA_OK;
+}
+
+static tsuya_status set_dye(tsuya_render_setup *s, const tsuya_shader *shader, int k)
+{
+    double dye[TSUYA_MATERIAL_MAX_CHANNELS];
+    if (s->dye == TSUYA_DYE_OF_MATERIAL) {
+        return TSUYA_OK;
+    }
+    if (!shader[k].spectral || !tsuya_bands_match(s->bands, s->material[k])) {
+        return shader[k].spectral ? TSUYA_OK : tsuya_material_set_dye(s->material[k], s->dye_rgb);
+    }
+    tsuya_bands_spread(dye, s->bands, s->dye_rgb);
+    return tsuya_material_set_channel_dye(s->material[k], s->dye_of_bands ? s->dye_of_bands : dye);
 }
 
 static tsuya_status choose_dye(tsuya_render_setup *s, const tsuya_render_options *o)
@@ -47,14 +90,19 @@ static tsuya_status check_energy(const tsuya_render_setup *s, const tsuya_render
 {
     for (int k = 0; k < s->material_count * 9; ++k) {
         const tsuya_material *m = s->material[k / 9];
-        double theta = tsuya_rad_from_deg(8.0 + 9.0 * (k % 9)), albedo[3];
-        const double brightest[3] = {s->vertex_dye_scale, s->vertex_dye_scale, s->vertex_dye_scale};
-        const double *dye = s->dye == TSUYA_DYE_OF_COLOR ? s->dye_rgb : s->dye == TSUYA_DYE_OF_VERTICES ? brightest : NULL;
+        double theta = tsuya_rad_from_deg(8.0 + 9.0 * (k % 9)), albedo[TSUYA_MATERIAL_MAX_CHANNELS], brightest[TSUYA_MATERIAL_MAX_CHANNELS];
+        int channels = tsuya_material_get_info(m).channel_count;
+        for (int c = 0; c < channels; ++c) {
+            brightest[c] = s->vertex_dye_scale;
+        }
+        const double *dye = s->dye == TSUYA_DYE_OF_VERTICES ? brightest : NULL; /* of one colour: the material has it */
         tsuya_material_albedo(m, dye, (tsuya_vec3){sin(theta), 0.0, cos(theta)}, albedo);
-        for (int c = 0; c < 3; ++c) {
-            if (o->transmission[c] > 0.0 && albedo[c] + o->transmission[c] > 1.005) {
+        double most = fmax(o->transmission[0], fmax(o->transmission[1], o->transmission[2]));
+        for (int c = 0; c < channels; ++c) {
+            double through = channels == 3 ? o->transmission[c] : most;
+            if (through > 0.0 && albedo[c] + through > 1.005) {
                 return tsuya_fail(TSUYA_ERROR_INPUT, "transmission: %g; \"%s\" reflects up to %.3f, so at most %.3f can come through",
-                                  o->transmission[c], tsuya_material_get_info(m).name, albedo[c], fmax(0.0, 1.0 - albedo[c]));
+                                  through, tsuya_material_get_info(m).name, albedo[c], fmax(0.0, 1.0 - albedo[c]));
             }
         }
     }
@@ -72,15 +120,21 @@ static tsuya_status make_scene(tsuya_render_setup *s, const tsuya_render_options
     options.vertex_dye_scale = s->vertex_dye_scale = isnan(o->vertex_dye_scale) ? options.vertex_dye_scale : o->vertex_dye_scale;
     for (int k = 0; k < s->material_count; ++k) {
         TSUYA_TRY(tsuya_shader_from_material(&shader[k], s->material[k]));
+    }
+    TSUYA_TRY(find_bands(s, shader));
+    TSUYA_TRY(s->bands && s->dye == TSUYA_DYE_OF_COLOR ? spread_dye(s, o->color) : TSUYA_OK);
+    for (int k = 0; k < s->material_count; ++k) {
         memcpy(shader[k].transmittance, o->transmission, sizeof shader[k].transmittance);
         /* a dye laid over a measured one lies under the surface part, whatever the fit assumed of its own */
-        TSUYA_TRY(s->dye != TSUYA_DYE_OF_MATERIAL ? tsuya_material_set_dye(s->material[k], s->dye_rgb) : TSUYA_OK);
+        TSUYA_TRY(set_dye(s, shader, k));
     }
     TSUYA_TRY(check_energy(s, o));
     options.shader = shader;
     options.shader_count = s->material_count;
     options.dye = s->dye;
     memcpy(options.dye_rgb, s->dye_rgb, sizeof options.dye_rgb);
+    options.bands = s->bands;
+    options.dye_of_bands = s->dye_of_bands;
     return tsuya_scene_create(&s->scene, &s->mesh, &options);
 }
 
@@ -192,7 +246,7 @@ static tsuya_status load_lights(tsuya_render_setup *s, const tsuya_render_option
     s->preset = tsuya_light_preset_find(name);
     tsuya_status status = TSUYA_OK;
     if (preset && s->preset == TSUYA_PRESET_NONE) {
-        status = tsuya_fail(TSUYA_ERROR_INPUT, "%s: preset \"%.40s\": expected \"daylight\" or \"torch\"", o->lights_path, name);
+        status = tsuya_fail(TSUYA_ERROR_INPUT, "%s: preset \"%.40s\": expected daylight, torch, halogen or led", o->lights_path, name);
     }
     tsuya_json_free(root);
     return status == TSUYA_OK && s->preset == TSUYA_PRESET_NONE ? tsuya_light_set_load(&s->lights, o->lights_path) : status;
@@ -244,14 +298,22 @@ void tsuya_render_setup_free(tsuya_render_setup *setup)
 
 tsuya_status tsuya_render_setup_lights(tsuya_light_set *lights, const tsuya_render_setup *setup, const tsuya_render_frame *frame)
 {
-    if (setup->preset != TSUYA_PRESET_NONE) {
+    if (setup->preset != TSUYA_PRESET_NONE && !tsuya_light_preset_is_studio(setup->preset)) {
         return tsuya_light_set_preset(lights, setup->preset, setup->center, setup->radius, setup->up, setup->seed, frame->index);
     }
-    if (!setup->studio) {
+    if (!setup->studio && setup->preset == TSUYA_PRESET_NONE) {
         *lights = setup->lights;
         return TSUYA_OK;
     }
-    return tsuya_light_set_studio(lights, setup->center, setup->radius, tsuya_pose_center(frame->camera_from_world), setup->up);
+    TSUYA_TRY(tsuya_light_set_studio(lights, setup->center, setup->radius, tsuya_pose_center(frame->camera_from_world), setup->up));
+    if (setup->preset == TSUYA_PRESET_NONE) {
+        return TSUYA_OK;
+    }
+    tsuya_status status = tsuya_light_set_give_spectrum(lights, tsuya_light_preset_name(setup->preset));
+    if (status != TSUYA_OK) {
+        tsuya_light_set_free(lights);
+    }
+    return status;
 }
 
 void tsuya_render_setup_lights_free(tsuya_light_set *lights, const tsuya_render_setup *setup)

@@ -27,6 +27,8 @@ typedef struct tsuya_render_setup {
     tsuya_dye_source dye;
     double dye_rgb[3];
     double vertex_dye_scale;
+    tsuya_bands *bands;        /* NULL: no material is spectral */
+    double *dye_of_bands;      /* with bands and one colour: its spectrum */
     tsuya_light_set lights; /* of the file; empty with the studio */
     bool studio;
     tsuya_light_preset preset; /* stands for the file */
@@ -37,6 +39,9 @@ typedef struct tsuya_render_setup {
     int frame_count;
     tsuya_arena *arena;
 } tsuya_render_setup;
+
+/* A table of nm,reflectance at other wavelengths, linear between its rows, held beyond them (render/dye_color.c). */
+TSUYA_MUST_CHECK tsuya_status tsuya_render_load_reflectance(double *at, const double *nm, int count, const char *path);
 
 /* Leaves an empty setup on failure. */
 TSUYA_MUST_CHECK tsuya_status tsuya_render_setup_create(tsuya_render_setup *setup, const tsuya_render_options *options);

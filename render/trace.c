@@ -2,6 +2,8 @@
 
 #include "brdf/sampling.h"
 
+#include "core/memory.h"
+
 #include <math.h>
 
 /* Dimension pairs of a bounce. */
@@ -18,7 +20,7 @@ typedef struct vertex {
 typedef struct walker {
     tsuya_camera_path *path;
     tsuya_vec3 origin, direction;
-    double throughput[3];
+    double *throughput; /* of each channel */
     vertex last;
     tsuya_ray ray, shadow;
     tsuya_ray_hit hit;
@@ -26,14 +28,81 @@ typedef struct walker {
     double lamp[3];
 } walker;
 
-tsuya_tracer tsuya_tracer_make(const tsuya_scene *scene, const tsuya_light_set *lights, const tsuya_path_options *options)
+void tsuya_tracer_free(tsuya_tracer *t)
 {
-    tsuya_tracer t = {scene, lights, options, false};
+    for (int k = 0; t->response && k < t->lights->count; ++k) {
+        tsuya_free(t->response[k]);
+    }
+    tsuya_free(t->response);
+    t->response = NULL;
+}
+
+static tsuya_status respond(tsuya_tracer *t)
+{
+    tsuya_status status = TSUYA_OK;
+    TSUYA_NEW(status, t->response, (size_t)t->lights->count + 1);
+    for (int k = 0; k < t->lights->count; ++k) {
+        if (t->lights->light[k].spectrum) {
+            TSUYA_NEW(status, t->response[k], 3 * (size_t)t->bands->count);
+            tsuya_bands_respond(t->response[k], t->bands, t->lights->light[k].spectrum);
+        }
+    }
+done:
+    if (status != TSUYA_OK) {
+        tsuya_tracer_free(t);
+    }
+    return status;
+}
+
+tsuya_status tsuya_tracer_create(tsuya_tracer *t, const tsuya_scene *scene, const tsuya_light_set *lights, const tsuya_path_options *options)
+{
+    *t = (tsuya_tracer){.scene = scene, .lights = lights, .options = options, .bands = tsuya_scene_bands(scene)};
     for (int k = 0; k < lights->count; ++k) {
         tsuya_light_kind kind = lights->light[k].kind;
-        t.lamps_in_the_way |= kind == TSUYA_LIGHT_DISK || kind == TSUYA_LIGHT_RECT || kind == TSUYA_LIGHT_ENVIRONMENT;
+        t->lamps_in_the_way |= kind == TSUYA_LIGHT_DISK || kind == TSUYA_LIGHT_RECT || kind == TSUYA_LIGHT_ENVIRONMENT;
     }
-    return t;
+    return t->bands ? respond(t) : TSUYA_OK;
+}
+
+static double dot(const double *a, const double *b, int count)
+{
+    double sum = 0.0;
+    for (int c = 0; c < count; ++c) {
+        sum += a[c] * b[c];
+    }
+    return sum;
+}
+
+/* Adds what the picture gets of a lamp's light, `sent` as colour, when `kept` of each channel arrives. */
+static void receive(const tsuya_tracer *t, int lamp, const double sent[3], const double *kept, double scale, double rgb[3])
+{
+    const tsuya_bands *b = t->bands;
+    if (!b) {
+        for (int c = 0; c < 3; ++c) {
+            rgb[c] += kept[c] * sent[c] * scale;
+        }
+        return;
+    }
+    const double *own = t->response[lamp], level = 0.2126 * sent[0] + 0.7152 * sent[1] + 0.0722 * sent[2];
+    for (int c = 0; c < 3; ++c) {
+        rgb[c] += scale * (own ? level * dot(own + c * b->count, kept, b->count)
+                               : sent[0] * dot(b->response[0][c], kept, b->count) + sent[1] * dot(b->response[1][c], kept, b->count) +
+                                     sent[2] * dot(b->response[2][c], kept, b->count));
+    }
+}
+
+/* value[c] *= factor[c] · scale */
+static void attenuate(const tsuya_tracer *t, double *value, const double *factor, double scale)
+{
+    if (!t->bands) {
+        for (int c = 0; c < 3; ++c) {
+            value[c] *= factor[c] * scale;
+        }
+        return;
+    }
+    for (int c = 0; c < t->bands->count; ++c) {
+        value[c] *= factor[c] * scale;
+    }
 }
 
 static tsuya_vec3 to_local(const tsuya_surface *s, tsuya_vec3 w)
@@ -50,22 +119,44 @@ static tsuya_vec3 to_world(const tsuya_surface *s, tsuya_vec3 w)
 typedef struct look {
     const tsuya_surface *s;
     tsuya_vec3 wo; /* local */
-    tsuya_material_view view; /* where the shader is a material */
+    const tsuya_bands *spread; /* NULL: the shader's values are the path's channels; else colours, to be spread over these */
+    tsuya_material_view view;  /* where the shader is a material */
+    double dye[TSUYA_MATERIAL_MAX_CHANNELS]; /* of a spectral shader on a surface with a colour of its own */
 } look;
 
-static void look_at(look *l, const tsuya_surface *s, tsuya_vec3 wo)
+/* What lies under the surface part, in the shader's channels. */
+static const double *dye_of(look *l, const tsuya_tracer *t)
+{
+    if (!l->s->shader->spectral || !l->s->dye) {
+        return l->s->dye;
+    }
+    const double *one = tsuya_scene_dye_of_bands(t->scene);
+    if (!one) {
+        tsuya_bands_spread(l->dye, t->bands, l->s->dye);
+    }
+    return one ? one : l->dye;
+}
+
+static void look_at(look *l, const tsuya_tracer *t, const tsuya_surface *s, tsuya_vec3 wo)
 {
     l->s = s;
     l->wo = wo;
+    l->spread = s->shader->spectral ? NULL : t->bands;
     if (s->shader->material) {
-        l->view = tsuya_material_view_of(s->shader->material, s->dye, wo);
+        l->view = tsuya_material_view_of(s->shader->material, dye_of(l, t), wo);
     }
 }
 
-static double eval_pdf(const look *l, tsuya_vec3 wi, double f[3])
+/* f: as many values as a path has channels. */
+static double eval_pdf(const look *l, tsuya_vec3 wi, double *f)
 {
     const tsuya_shader *shader = l->s->shader;
-    return shader->material ? tsuya_material_view_eval_pdf(&l->view, wi, f) : shader->eval_pdf(shader->user, l->s->dye, wi, l->wo, f);
+    double pdf = shader->material ? tsuya_material_view_eval_pdf(&l->view, wi, f) : shader->eval_pdf(shader->user, l->s->dye, wi, l->wo, f);
+    if (l->spread) {
+        const double rgb[3] = {f[0], f[1], f[2]};
+        tsuya_bands_spread(f, l->spread, rgb);
+    }
+    return pdf;
 }
 
 static bool sample_direction(const look *l, const double u[3], tsuya_vec3 *wi)
@@ -92,6 +183,15 @@ static void report_ray(const tsuya_tracer *t, const tsuya_ray *ray, bool shadow)
 static double larger(double a, double b) { return a > b ? a : b; }
 
 static double largest(const double rgb[3]) { return larger(rgb[0], larger(rgb[1], rgb[2])); }
+
+static double largest_kept(const tsuya_tracer *t, const double *throughput)
+{
+    double most = largest(throughput);
+    for (int c = 3; t->bands && c < t->bands->count; ++c) {
+        most = larger(most, throughput[c]);
+    }
+    return most;
+}
 
 static double power_heuristic(double a, double b)
 {
@@ -158,7 +258,7 @@ static bool shadow_ray(const tsuya_tracer *t, const tsuya_surface *s, const tsuy
 static void prepare_lamp(const tsuya_tracer *t, walker *w, const look *l, uint32_t pair, double choice)
 {
     const tsuya_surface *s = l->s;
-    double probability, u[2] = {0.5, 0.5}, f[3];
+    double probability, u[2] = {0.5, 0.5}, f[TSUYA_MATERIAL_MAX_CHANNELS];
     int k = choose_lamp(t->lights, s, choice, &probability, &w->last.lamp_weights);
     tsuya_light_sample sample;
     if (k < 0 || t->options->strategy == TSUYA_STRATEGY_BSDF) {
@@ -178,9 +278,9 @@ static void prepare_lamp(const tsuya_tracer *t, walker *w, const look *l, uint32
     double pdf_direction = eval_pdf(l, wi, f);
     double pdf_lamp = sample.pdf * probability;
     double scale = wi.z / pdf_lamp * (sample.delta ? 1.0 : lamp_share(t, pdf_lamp, pdf_direction));
-    for (int c = 0; c < 3; ++c) {
-        w->lamp[c] = w->throughput[c] * f[c] * sample.rgb[c] * scale;
-    }
+    attenuate(t, f, w->throughput, 1.0);
+    w->lamp[0] = w->lamp[1] = w->lamp[2] = 0.0;
+    receive(t, k, sample.rgb, f, scale, w->lamp);
     w->lit = largest(w->lamp) > 0.0 && shadow_ray(t, s, &sample, &w->shadow);
 }
 
@@ -203,9 +303,7 @@ static void add_lamps_hit(const tsuya_tracer *t, walker *w, bool first)
             double weight = tsuya_light_weight(light, w->last.p, w->last.n), sum = w->last.lamp_weights;
             share = direction_share(t, w->last.pdf, sum > 0.0 ? pdf * weight / sum : 0.0);
         }
-        for (int c = 0; c < 3; ++c) {
-            w->path->rgb[c] += w->throughput[c] * emitted[c] * share;
-        }
+        receive(t, k, emitted, w->throughput, share, w->path->rgb);
     }
 }
 
@@ -214,7 +312,7 @@ static bool scatter(const tsuya_tracer *t, walker *w, const look *l, const doubl
 {
     const tsuya_surface *s = l->s;
     tsuya_vec3 wi;
-    double f[3];
+    double f[TSUYA_MATERIAL_MAX_CHANNELS];
     if (!sample_direction(l, u, &wi)) {
         return false;
     }
@@ -222,14 +320,12 @@ static bool scatter(const tsuya_tracer *t, walker *w, const look *l, const doubl
     if (!(pdf > 0.0)) {
         return false;
     }
-    for (int c = 0; c < 3; ++c) {
-        w->throughput[c] *= f[c] * wi.z / pdf;
-    }
+    attenuate(t, w->throughput, f, wi.z / pdf);
     w->direction = tsuya_vec3_unit(to_world(s, wi));
     w->last.p = s->p;
     w->last.n = s->n;
     w->last.pdf = pdf;
-    return largest(w->throughput) > 0.0 && tsuya_surface_ray_origin(t->scene, s, w->direction, &w->origin);
+    return largest_kept(t, w->throughput) > 0.0 && tsuya_surface_ray_origin(t->scene, s, w->direction, &w->origin);
 }
 
 /* Where the weft is unknown: the frame turned by a uniform angle, which averages the reflectance over the azimuth. */
@@ -242,10 +338,11 @@ static void turn_frame(tsuya_surface *s, double u)
 }
 
 /* Paths that carry little go on rarely, and then for more. */
-static bool survives(double throughput[3], double u)
+static bool survives(const tsuya_tracer *t, double *throughput, double u)
 {
-    double most = largest(throughput), keep = most < 0.05 ? 0.05 : most < 1.0 ? most : 1.0;
-    for (int c = 0; c < 3; ++c) {
+    double most = largest_kept(t, throughput), keep = most < 0.05 ? 0.05 : most < 1.0 ? most : 1.0;
+    int channels = t->bands ? t->bands->count : 3;
+    for (int c = 0; c < channels; ++c) {
         throughput[c] /= keep;
     }
     return u < keep;
@@ -272,11 +369,12 @@ static bool through_sample(const void *user, const double *dye, tsuya_vec3 wo, c
 static const tsuya_shader through = {.eval_pdf = through_eval_pdf, .sample = through_sample};
 
 /* One side of a cloth that lets light through is looked at, by chance, and counts for both. */
-static void choose_side(walker *w, tsuya_surface *s, double most, uint32_t pair)
+static void choose_side(const tsuya_tracer *t, walker *w, tsuya_surface *s, double most, uint32_t pair)
 {
     double u[2], q = most / (most + 0.5);
     tsuya_sampler_pair(w->path->sampler, pair + PAIR_SIDE, u);
-    for (int c = 0; c < 3; ++c) {
+    int channels = t->bands ? t->bands->count : 3;
+    for (int c = 0; c < channels; ++c) {
         w->throughput[c] /= u[0] < q ? q : 1.0 - q;
     }
     if (u[0] >= q) {
@@ -306,19 +404,19 @@ static void shade(const tsuya_tracer *t, walker *w, int depth)
         tsuya_sampler_pair(w->path->sampler, pair + PAIR_TURN, turn);
     }
     /* at the hit, so that lamps met on the way have been counted */
-    if (depth > 0 && !survives(w->throughput, turn[1])) {
+    if (depth > 0 && !survives(t, w->throughput, turn[1])) {
         w->alive = false;
         return;
     }
     double most = largest(s.shader->transmittance);
     if (most > 0.0) {
-        choose_side(w, &s, most, pair);
+        choose_side(t, w, &s, most, pair);
     }
     if (!s.has_weft) {
         turn_frame(&s, turn[0]);
     }
     look l;
-    look_at(&l, &s, to_local(&s, back)); /* under the surface for light that comes through, which does not ask for it */
+    look_at(&l, t, &s, to_local(&s, back)); /* under the surface for light that comes through, which does not ask for it */
     tsuya_sampler_pair(w->path->sampler, pair + PAIR_CHOICE, choice);
     prepare_lamp(t, w, &l, pair, choice[0]);
     /* behind the last reflection only a lamp in the way can add something */
@@ -412,15 +510,18 @@ static int step(const tsuya_tracer *t, walker *w, int count, int depth, uint64_t
 uint64_t tsuya_trace(const tsuya_tracer *tracer, tsuya_camera_path *path, int count)
 {
     walker w[TSUYA_RAY_PACKET];
+    double throughput[TSUYA_RAY_PACKET * TSUYA_MATERIAL_MAX_CHANNELS];
+    int channels = tracer->bands ? tracer->bands->count : 3;
     uint64_t rays = 0;
     for (int k = 0; k < count; ++k) {
         w[k].path = &path[k];
         w[k].origin = path[k].origin;
         w[k].direction = path[k].direction;
-        for (int c = 0; c < 3; ++c) {
+        w[k].throughput = throughput + k * channels;
+        for (int c = 0; c < channels; ++c) {
             w[k].throughput[c] = 1.0;
-            path[k].rgb[c] = 0.0;
         }
+        path[k].rgb[0] = path[k].rgb[1] = path[k].rgb[2] = 0.0;
     }
     for (int depth = 0; count > 0 && depth <= tracer->options->bounces; ++depth) {
         count = step(tracer, w, count, depth, &rays);
