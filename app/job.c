@@ -456,3 +456,13 @@ char *tsuya_job_path(const tsuya_job *job, const char *format, ...)
     va_end(arguments);
     return tsuya_arena_printf(job->arena, "%s/%s", job->folder, relative);
 }
+
+bool tsuya_job_holds_out(const tsuya_job *job, const char *name)
+{
+    for (int h = 0; h < job->hold_out.count; h++) {
+        if (strcmp(tsuya_job_hold_out_at(job, h), name) == 0) {
+            return true;
+        }
+    }
+    return false;
+}

@@ -71,5 +71,7 @@ static inline const char *tsuya_job_hold_out_at(const tsuya_job *job, int i)
 {
     return ((const char *const *)job->hold_out.item)[i];
 }
+/* A photograph of hold_out. */
+bool tsuya_job_holds_out(const tsuya_job *job, const char *name);
 
 #endif

@@ -1,11 +1,9 @@
 /* Stage render: every entry of the job's render list into JOB/render/NAME/. */
 #include "app/stage.h"
+#include "app/stage_dye.h"
 
 #include "core/camera.h"
 #include "core/file.h"
-#include "core/mesh.h"
-#include "render/dye.h"
-#include "render/preset.h"
 #include "render/render.h"
 #include "render/views.h"
 
@@ -17,24 +15,12 @@ static const double NOISE = 0.02, LIKE_NOISE = 0.04;
 
 static const char *const mesh_relative = "weave/weave.ply";
 
-/* Lamps of a file, as measured in the room where the photographs were taken; a preset is a wish. */
-static bool has_measured_lamps(const tsuya_job *job)
-{
-    tsuya_json *root;
-    if (!job->lights || tsuya_light_preset_find(job->lights) != TSUYA_PRESET_NONE || tsuya_json_load(&root, job->lights) != TSUYA_OK) {
-        return false; /* what is wrong with the file, the renderer says */
-    }
-    bool measured = tsuya_json_member(root, "lights") != NULL;
-    tsuya_json_free(root);
-    return measured;
-}
-
 static bool wears_photographs(const tsuya_job_render *entry) { return !entry->color || strcmp(entry->color, "photographs") == 0; }
 
 /* Photographs and masks count where pictures are compared with them, or dyes are found from them. */
 static tsuya_status add_like_inputs(tsuya_stage_plan *plan, const tsuya_job *job)
 {
-    bool like = has_measured_lamps(job);
+    bool like = tsuya_stage_has_measured_lamps(job);
     for (int i = 0; i < job->render.count; i++) {
         like = like || tsuya_job_render_at(job, i)->like;
     }
@@ -139,16 +125,6 @@ typedef struct like_views {
     int count;
 } like_views;
 
-static bool is_held_out(const tsuya_job *job, const char *name)
-{
-    for (int h = 0; h < job->hold_out.count; h++) {
-        if (strcmp(tsuya_job_hold_out_at(job, h), name) == 0) {
-            return true;
-        }
-    }
-    return false;
-}
-
 static void add_like(like_views *like, const tsuya_job *job, const tsuya_photo *photo, const tsuya_sparse_model *model, bool held_out)
 {
     int view = tsuya_sparse_model_find(model, photo->name);
@@ -178,7 +154,7 @@ static tsuya_status find_like(like_views *like, const tsuya_job *job, const tsuy
         return TSUYA_ERROR_MEMORY;
     }
     for (int p = 0; p < photos; p++) {
-        if (is_held_out(job, job->photo.photo[p].name)) {
+        if (tsuya_job_holds_out(job, job->photo.photo[p].name)) {
             add_like(like, job, &job->photo.photo[p], model, true);
         } else {
             other[others++] = p;
@@ -193,52 +169,6 @@ static tsuya_status find_like(like_views *like, const tsuya_job *job, const tsuy
         add_like(like, job, &job->photo.photo[other[k * others / wanted]], model, false);
     }
     return TSUYA_OK;
-}
-
-/* The dyes of the cloth, from all photographs but those of hold_out, into render/dyed.ply. */
-static tsuya_status dye(const char **dyed_path, const tsuya_stage_run *run, const tsuya_sparse_model *model)
-{
-    const tsuya_job *job = run->job;
-    const char *path = tsuya_job_path(job, "render/dyed.ply"), *mesh_path = tsuya_job_path(job, "%s", mesh_relative);
-    int materials = tsuya_stage_material_count(job);
-    size_t room = (size_t)job->photo.count + 1;
-    tsuya_dye_options o = {.lights_path = job->lights, .model = model, .material_count = materials};
-    tsuya_dye_info info;
-    tsuya_mesh mesh = {0}, dyed = {0};
-    int *view = tsuya_arena_alloc(job->arena, room, sizeof *view);
-    const char **photo = tsuya_arena_alloc(job->arena, room, sizeof *photo), **mask = tsuya_arena_alloc(job->arena, room, sizeof *mask);
-    const char **material = tsuya_arena_alloc(job->arena, (size_t)materials, sizeof *material);
-    tsuya_status status = path && mesh_path && view && photo && mask && material ? TSUYA_OK : TSUYA_ERROR_MEMORY;
-    TSUYA_GOTO_DONE(status, status);
-    for (int k = 0; k < materials; k++) {
-        material[k] = tsuya_stage_material_path(job, k, true);
-        status = material[k] ? status : TSUYA_ERROR_MEMORY;
-    }
-    for (int p = 0; p < job->photo.count; p++) {
-        int at = tsuya_sparse_model_find(model, job->photo.photo[p].name);
-        if (at >= 0 && !is_held_out(job, job->photo.photo[p].name)) {
-            view[o.view_count] = at;
-            photo[o.view_count] = job->photo.photo[p].path;
-            mask[o.view_count++] = job->masks ? job->photo.photo[p].mask_path : NULL;
-        }
-    }
-    o.view = view;
-    o.photo = photo;
-    o.mask = mask;
-    o.material_path = material;
-    TSUYA_GOTO_DONE(status, status);
-    TSUYA_GOTO_DONE(status, tsuya_ply_load(&mesh, mesh_path));
-    if (!mesh.color) {
-        goto done; /* a surface without colours: the material's own */
-    }
-    TSUYA_GOTO_DONE(status, tsuya_dye_from_photographs(&dyed, &info, &mesh, &o, run->context));
-    TSUYA_GOTO_DONE(status, tsuya_ply_save(&dyed, path, NULL));
-    tsuya_dye_info_to_json(tsuya_json_set_object(run->figures, "dye"), &info);
-    *dyed_path = path;
-done:
-    tsuya_mesh_free(&mesh);
-    tsuya_mesh_free(&dyed);
-    return status;
 }
 
 /* dyed: the mesh with its dyes; NULL where they are not known. */
@@ -319,8 +249,8 @@ tsuya_status tsuya_stage_render_run(const tsuya_stage_run *run)
     for (int i = 0; i < job->render.count; i++) {
         worn = worn || wears_photographs(tsuya_job_render_at(job, i));
     }
-    if (status == TSUYA_OK && worn && has_measured_lamps(job)) {
-        status = dye(&dyed, run, &model);
+    if (status == TSUYA_OK && worn && tsuya_stage_has_measured_lamps(job)) {
+        status = tsuya_stage_dye(&dyed, run, &model);
     }
     for (int i = 0; status == TSUYA_OK && i < job->render.count; i++) {
         tsuya_render_info info = {0};

@@ -121,10 +121,7 @@ static tsuya_status list_masks(tsuya_region_mask **masks, int *count, const tsuy
     }
     for (int p = 0; p < job->photo.count; p++) {
         int view = tsuya_sparse_model_find(model, job->photo.photo[p].name);
-        bool used = view >= 0;
-        for (int h = 0; h < job->hold_out.count; h++) {
-            used = used && strcmp(tsuya_job_hold_out_at(job, h), job->photo.photo[p].name) != 0;
-        }
+        bool used = view >= 0 && !tsuya_job_holds_out(job, job->photo.photo[p].name);
         for (int i = 0; used && i < job->materials.count; i++) {
             const char *path;
             TSUYA_TRY(tsuya_job_region_mask(&path, job, i, p));
