@@ -9,38 +9,67 @@
 #include <stdio.h>
 #include <string.h>
 
-/* What is made: docs/capture.md explains the keys.  Another first line makes an earlier demo's photographs anew. */
-static const char SCENE[] =
+/* What is made: docs/capture.md explains the keys.  Another text makes an earlier demo's photographs anew. */
+static const char QUICK[] =
     "# The scene of `tsuya demo`, 3: `tsuya capture simulate scene.yaml -o DIR` makes the same photographs.\n"
-    "name: demo\n"
-    "seed: 1\n"
-    "cloth: {kind: square, fabric: silk, reflectance: satin, side_m: 0.36, spacing_m: 0.009, weft_mm: 0.8, warp_mm: 0.7}\n"
-    "stand: {kind: disc, radius_m: 0.08, height_m: 0.18}\n"
-    "camera: {size: [800, 600], focal_px: 1006, distortion: [-0.04, 0.01, 0, 0], f_number: 22, bayer: true, blur_px: 0.45, full_well_e: 50000}\n"
+    "camera: {size: [800, 600], focal_px: 1006, distortion: [-0.04, 0.01, 0, 0], f_number: 22, bayer: true, blur_px: 0.6, full_well_e: 50000}\n"
     "views:\n"
     "  - {count: 14, elevation_deg: 17, distance_m: 0.65}\n"
     "  - {count: 8, elevation_deg: 42, distance_m: 0.65}\n"
     "  - {count: 2, elevation_deg: 70, distance_m: 0.65}\n"
     "  - {count: 10, px_per_thread: 5}\n"
+    "cloth: {kind: square, fabric: silk, reflectance: satin, side_m: 0.36, spacing_m: 0.009, weft_mm: 0.8, warp_mm: 0.7}\n";
+/* The same camera read out five times as finely, and finer threads; every photograph shows them. */
+static const char FULL[] =
+    "# The scene of `tsuya demo --quality full`, 3: `tsuya capture simulate scene.yaml -o DIR` makes the same photographs.\n"
+    "camera: {size: [4000, 3000], focal_px: 5030, distortion: [-0.04, 0.01, 0, 0], f_number: 22, bayer: true, blur_px: 0.6, full_well_e: 50000}\n"
+    "views:\n"
+    "  - {count: 32, elevation_deg: 17, distance_m: 0.65}\n"
+    "  - {count: 20, elevation_deg: 42, distance_m: 0.65}\n"
+    "  - {count: 8, elevation_deg: 70, distance_m: 0.65}\n"
+    "cloth: {kind: square, fabric: silk, reflectance: satin, side_m: 0.36, spacing_m: 0.006, weft_mm: 0.6, warp_mm: 0.5}\n";
+static const char BOTH[] =
+    "name: demo\n"
+    "seed: 1\n"
+    "stand: {kind: disc, radius_m: 0.08, height_m: 0.18}\n"
     "mat: {cols: 9, rows: 9, tag_mm: 40, gap_mm: 10, first_id: 100}\n"
     "board: {cols: 8, rows: 5, tag_mm: 30, gap_mm: 9, photos: 20}\n"
     "goniometer: {azimuth_step_deg: 45, tilt_step_deg: 3, dye: [0.02, 0.02, 0.02], photos: true, photo_step_deg: 9, photo_scale: 0.2}\n"
     "lamps_measured: true\n";
 
+typedef struct demo_input {
+    const char *folder;
+    bool full;
+} demo_input;
+
+enum { KEY_QUALITY = 500, SCENE_MOST = 4096 };
+static const struct argp_option demo_options[] = {
+    {"quality", KEY_QUALITY, "quick|full", 0, "quick (default): 34 photographs of half a megapixel; full: 60 of 12, which takes hours", 0},
+    {0},
+};
+
 static error_t parse_demo(int key, char *arg, struct argp_state *state)
 {
-    const char **folder = state->input;
+    demo_input *input = state->input;
+    if (key == KEY_QUALITY) {
+        input->full = strcmp(arg, "full") == 0;
+        if (!input->full && strcmp(arg, "quick") != 0) {
+            argp_error(state, "--quality: '%s'; quick or full is accepted", arg);
+        }
+        return 0;
+    }
     if (key != ARGP_KEY_ARG) {
         return ARGP_ERR_UNKNOWN;
     }
-    if (*folder) {
+    if (input->folder) {
         argp_error(state, "'%s': one folder only", arg);
     }
-    *folder = arg;
+    input->folder = arg;
     return 0;
 }
 
 static const tsuya_syntax demo_syntax = {
+    .options = demo_options,
     .arguments = "[DIR]",
     .example = "tsuya demo demo",
     .doc = "Drapes, photographs and measures a cloth by computation, runs the whole job on those files alone, and holds the result "
@@ -107,29 +136,31 @@ done:
 }
 
 /* Made and whole: the last file that is written holds the same scene. */
-static bool is_made(const char *path)
+static bool is_made(const char *path, const char *scene)
 {
     char *text;
     size_t size;
-    if (!tsuya_path_exists(path) || tsuya_file_load(&text, &size, path, sizeof SCENE) != TSUYA_OK) {
+    if (!tsuya_path_exists(path) || tsuya_file_load(&text, &size, path, SCENE_MOST) != TSUYA_OK) {
         return false;
     }
-    bool same = size == sizeof SCENE - 1 && memcmp(text, SCENE, size) == 0;
+    bool same = size == strlen(scene) && memcmp(text, scene, size) == 0;
     tsuya_free(text);
     return same;
 }
 
-static tsuya_status photograph(const char *folder, const tsuya_context *context)
+static tsuya_status photograph(const char *folder, bool full, const tsuya_context *context)
 {
     tsuya_simulate_scene scene = {0};
     tsuya_simulate_info info;
+    char text[SCENE_MOST];
+    snprintf(text, sizeof text, "%s%s", full ? FULL : QUICK, BOTH);
     char *path = tsuya_path_join(folder, "scene.yaml"), *whole = tsuya_path_join(folder, "truth/scene.yaml");
     tsuya_status status = path && whole ? TSUYA_OK : TSUYA_ERROR_MEMORY;
-    if (status == TSUYA_OK && !is_made(whole)) {
-        TSUYA_GOTO_DONE(status, tsuya_file_write(path, SCENE, sizeof SCENE - 1));
+    if (status == TSUYA_OK && !is_made(whole, text)) {
+        TSUYA_GOTO_DONE(status, tsuya_file_write(path, text, strlen(text)));
         TSUYA_GOTO_DONE(status, tsuya_simulate_scene_load(&scene, path));
         TSUYA_GOTO_DONE(status, tsuya_simulate(&info, &scene, folder, context));
-        status = tsuya_file_write(whole, SCENE, sizeof SCENE - 1);
+        status = tsuya_file_write(whole, text, strlen(text));
     }
 done:
     tsuya_simulate_scene_free(&scene);
@@ -138,13 +169,13 @@ done:
     return status;
 }
 
-static tsuya_status demo(tsuya_json *figures, const char *folder, const tsuya_context *context)
+static tsuya_status demo(tsuya_json *figures, const char *folder, bool full, const tsuya_context *context)
 {
     tsuya_lock lock;
     double start_s = tsuya_clock_s();
     TSUYA_TRY(tsuya_folder_make(folder));
     TSUYA_TRY(tsuya_lock_take(&lock, folder));
-    tsuya_status status = photograph(folder, context);
+    tsuya_status status = photograph(folder, full, context);
     tsuya_lock_release(&lock); /* the job takes it for itself */
     if (status == TSUYA_OK) {
         status = run_job(figures, folder, tsuya_clock_s() - start_s, start_s, context);
@@ -155,11 +186,11 @@ static tsuya_status demo(tsuya_json *figures, const char *folder, const tsuya_co
 int tsuya_command_demo(int argc, char **argv)
 {
     tsuya_common common;
-    const char *folder = NULL;
-    tsuya_command_parse(&demo_syntax, &common, &folder, argc, argv);
+    demo_input input = {.folder = NULL};
+    tsuya_command_parse(&demo_syntax, &common, &input, argc, argv);
     tsuya_context context = tsuya_command_context(&common);
     tsuya_json *figures = tsuya_json_create_object();
-    tsuya_status status = figures ? demo(figures, folder ? folder : "demo", &context) : TSUYA_ERROR_MEMORY;
+    tsuya_status status = figures ? demo(figures, input.folder ? input.folder : "demo", input.full, &context) : TSUYA_ERROR_MEMORY;
     if (status == TSUYA_OK) {
         status = tsuya_command_figures(&common, figures);
     }

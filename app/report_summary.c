@@ -141,48 +141,58 @@ void tsuya_report_warnings(tsuya_report *report)
     tsuya_report_close(report);
 }
 
-static void truth_row(tsuya_report *report, const tsuya_json *value, const char *name)
+/* stage: "" after the first row of one. */
+static void truth_row(tsuya_report *report, const tsuya_json *value, const char *name, const char *stage, double seconds)
 {
     if (tsuya_json_is_object(value)) {
         for (const tsuya_json *m = tsuya_json_first(value); m; m = tsuya_json_next(m)) {
             char nested[128];
             snprintf(nested, sizeof nested, "%s, %s", name, tsuya_json_key(m));
-            truth_row(report, m, nested);
+            truth_row(report, m, nested, m == tsuya_json_first(value) ? stage : "", seconds);
         }
         return;
     }
-    tsuya_html_raw(&report->html, "<tr><td>");
+    char duration[TSUYA_DURATION_SIZE] = "";
+    if (stage[0]) {
+        tsuya_format_duration(duration, seconds);
+    }
+    tsuya_html_raw(&report->html, "<tr><td>%s</td><td class=\"n\">%s</td><td>", stage, duration);
     tsuya_html_text(&report->html, name);
     if (tsuya_json_is_number(value)) {
         tsuya_html_raw(&report->html, "</td><td class=\"n\">%.4g</td></tr>\n", tsuya_json_number_or(value, 0.0));
     } else {
-        tsuya_html_raw(&report->html, "</td><td class=\"n\">not measured in this version</td></tr>\n");
+        tsuya_html_raw(&report->html, "</td><td class=\"n\">not measured</td></tr>\n");
     }
 }
 
 void tsuya_report_truth(tsuya_report *report)
 {
-    static const char *const rows[][2] = {
-        {"focal_rel", "Focal length, relative error"},
-        {"scale_rel", "Scale, relative error"},
-        {"camera_center_gsd", "Camera positions, rms, ground sample distances"},
-        {"surface_gsd", "Distance from the true surface, ground sample distances"},
-        {"completeness", "Share of the true surface that is there (within 2 GSD)"},
-        {"weft_deg", "Weft direction, error in degrees"},
-        {"brdf_cbrt", "Reflectance, error of cube roots"},
-        {"rerender_de00", "Re-rendered photographs, colour difference ΔE00"},
+    static const char *const rows[][3] = {
+        {"calib", "focal_rel", "Focal length, relative error"},
+        {"reconstruct", "scale_rel", "Scale, relative error"},
+        {"reconstruct", "camera_center_gsd", "Camera positions, rms, ground sample distances"},
+        {"reconstruct", "surface_gsd", "Distance from the true surface, ground sample distances"},
+        {"reconstruct", "completeness", "Share of the true surface that is there (within 2 GSD)"},
+        {"weave", "weft_deg", "Weft direction where threads were seen, error in degrees"},
+        {"weave", "covered_fraction", "Share of the surface where threads were seen"},
+        {"weave", "weft_all_deg", "Weft direction on the whole surface, error in degrees"},
+        {"brdf", "brdf_cbrt", "Reflectance, error of cube roots"},
+        {"render", "rerender_de00", "Photographs held out, rendered again: colour difference ΔE00"},
     };
+    const char *last = "";
     if (!report->demo) {
         return;
     }
     tsuya_report_open(report, "truth", "Against the truth",
                       "The photographs of this job were drawn by the program from a cloth that it knows exactly. The job saw the "
                       "photographs alone; this table holds its result against that cloth.");
-    tsuya_html_raw(&report->html, "<table><tr><th>Figure</th><th class=\"n\">Value</th></tr>\n");
+    tsuya_html_raw(&report->html, "<table><tr><th>Stage</th><th class=\"n\">Time</th><th>Figure</th><th class=\"n\">Value</th></tr>\n");
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
-        const tsuya_json *value = tsuya_json_member(report->demo, rows[i][0]);
+        const tsuya_json *value = tsuya_json_member(report->demo, rows[i][1]);
         if (value) {
-            truth_row(report, value, rows[i][1]);
+            double seconds = figure(tsuya_json_member(report->demo, "stages"), rows[i][0]);
+            truth_row(report, value, rows[i][2], strcmp(last, rows[i][0]) != 0 ? rows[i][0] : "", seconds);
+            last = rows[i][0];
         }
     }
     tsuya_html_raw(&report->html, "</table>\n");

@@ -65,7 +65,7 @@ static tsuya_status cut(dyeing *d, tsuya_dye_info *info)
     }
     qsort(grain, (size_t)views, sizeof *grain, compare_double);
     d->edge = tsuya_mesh_mean_edge(&d->mesh);
-    info->split = (int)fmin(fmax(ceil(d->edge / grain[views / 2] - 0.25), 1.0), SPLIT_MOST);
+    info->split = (int)fmin(fmax(ceil(1.25 * d->edge / grain[views / 2] - 0.25), 1.0), SPLIT_MOST);
     while (info->split > 1 && d->mesh.triangle_count * (size_t)(info->split * info->split) > TRIANGLES_MOST) {
         info->split--;
     }

@@ -22,7 +22,8 @@ static const char SMALL[] =
     "mat: {cols: 5, rows: 5, tag_mm: 60, gap_mm: 20}\n"
     "chart: true\n"
     "board: {cols: 3, rows: 2, photos: 2}\n"
-    "goniometer: {tilt_step_deg: 15}\n"
+    "goniometer: {tilt_step_deg: 15, dye: [0.02, 0.02, 0.02]}\n"
+    "lamps_measured: true\n"
     "hold_out: 1\n";
 
 static const char *write_scene(const char *name, const char *text)
@@ -44,6 +45,10 @@ static void a_scene_says_what_it_wants(void **state)
         {"views: [{count: 3, distance_m: 1}]\nhold_out: 0\ncamera: {distortion: [1, 2]}\n", "camera: distortion: 2 numbers"},
         {"views: [{count: 3, distance_m: 1}]\nhold_out: 0\nlamps: [{type: disk, rgb: [1, 1, 1], position_m: [0, 0, 1]}]\n", "lamps: size_m"},
         {"views: [{count: 3, distance_m: 1}]\nhold_out: 0\ncloth: {fabric: tweed}\n", "'tweed'; karaori, silk, cotton, wool"},
+        {"views: [{count: 3, distance_m: 1}]\nhold_out: 0\ngoniometer: {dye: [0.1, 2, 0.1]}\n", "goniometer: dye: 2; numbers from 0 to 1"},
+        {"views: [{count: 3, distance_m: 1}]\nhold_out: 0\ngoniometer: {dye: [0.1]}\n", "goniometer: dye: 1 numbers"},
+        {"views: [{count: 3, distance_m: 1}]\nhold_out: 0\ngoniometer: {photo_scale: 0}\n", "photo_scale: 0; from 0.02 to 1"},
+        {"views: [{count: 3, distance_m: 1}]\nhold_out: 0\ncamera: {blur_px: -1}\n", "blur_px: -1; from 0 to 5"},
     };
     for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
         tsuya_simulate_scene scene;

@@ -28,7 +28,9 @@ static void test_demo_comes_near_its_truth(void **state)
     assert_true(figure(figures, "completeness", "fraction") >= 0.9);
     assert_true(figure(figures, "weft_deg", "median") <= 2.0);
     assert_true(figure(figures, "weft_deg", "p90") <= 4.0);
-    assert_true(figure(figures, "brdf_cbrt", "table") <= 0.07); /* over both hemispheres; 0.065 measured */
+    assert_true(figure(figures, NULL, "covered_fraction") >= 0.2);
+    assert_true(figure(figures, "brdf_cbrt", "table") <= 0.05);
+    assert_true(figure(figures, "brdf_cbrt", "photos") <= 0.12);
     tsuya_json_free(figures);
 }
 
