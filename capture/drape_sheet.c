@@ -64,6 +64,60 @@ tsuya_status tsuya_drape_sheet_grid(tsuya_drape_sheet *s, double u0_m, double v0
     return TSUYA_OK;
 }
 
+/* Shares of the width from sleeve to sleeve: half the body, a sleeve's depth, front or back length; the neck. */
+static const double BODY = 0.225, SLEEVE = 0.38, LENGTH = 1.05, NECK = 0.055, NECK_FRONT = 0.09, NECK_BACK = 0.03;
+
+/* Whether the cloth covers a place, in shares of the width; gap: half of how far the fronts stand apart. */
+static bool in_karaori(double u, double v, double gap)
+{
+    bool inside = fabs(u) < BODY ? fabs(v) < LENGTH : fabs(u) < 0.5 && fabs(v) < SLEEVE;
+    bool open = (v > -NECK_BACK && fabs(u) < gap) || (v > -NECK_BACK && v < NECK_FRONT && fabs(u) < NECK);
+    return inside && !open;
+}
+
+tsuya_status tsuya_drape_sheet_karaori(tsuya_drape_sheet *s, double width_m, double spacing_m)
+{
+    int columns = 2 * (int)(0.5 * width_m / spacing_m) + 1, rows = (int)ceil(2.0 * LENGTH * width_m / spacing_m), stride = columns + 1;
+    uint32_t *number = NULL, vertices = 0;
+    size_t triangles = 0;
+    tsuya_status status = TSUYA_OK;
+    if (!(spacing_m > 0.0) || columns < 15 || columns > 2000) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "drape: a karaori of %g m in cells of %g m; from 15 to 2000 cells are accepted", width_m, spacing_m);
+    }
+    TSUYA_NEW(status, number, (size_t)stride * (size_t)(rows + 1));
+    for (int pass = 0; pass < 2; pass++) { /* counts; fills */
+        size_t t = 0;
+        for (int k = 0; k < columns * rows; k++) {
+            int i = k % columns, j = k / columns;
+            double u = (i - 0.5 * (columns - 1)) * spacing_m / width_m, v = (j - 0.5 * (rows - 1)) * spacing_m / width_m;
+            if (!in_karaori(u, v, 0.6 * spacing_m / width_m)) {
+                continue;
+            }
+            const int corner[4] = {j * stride + i, j * stride + i + 1, (j + 1) * stride + i + 1, (j + 1) * stride + i};
+            for (int c = 0; pass == 0 && c < 4; c++) {
+                number[corner[c]] = number[corner[c]] ? number[corner[c]] : ++vertices;
+            }
+            for (int c = 0; pass == 1 && c < 4; c++) {
+                double *p = s->position + 3 * (number[corner[c]] - 1);
+                p[0] = (corner[c] % stride - 0.5 * columns) * spacing_m;
+                p[1] = (corner[c] / stride - 0.5 * rows) * spacing_m;
+            }
+            if (pass == 1) {
+                set_flat(s, t, number[corner[0]] - 1, number[corner[1]] - 1, number[corner[2]] - 1);
+                set_flat(s, t + 1, number[corner[0]] - 1, number[corner[2]] - 1, number[corner[3]] - 1);
+            }
+            t += 2;
+        }
+        triangles = t;
+        if (pass == 0) {
+            TSUYA_GOTO_DONE(status, tsuya_drape_sheet_create(s, vertices, triangles));
+        }
+    }
+done:
+    tsuya_free(number);
+    return status;
+}
+
 /* Ring k has 6 k vertices. */
 static uint32_t ring_vertex(int ring, int k) { return ring == 0 ? 0 : (uint32_t)(3 * ring * (ring - 1) + 1 + k % (6 * ring)); }
 

@@ -46,7 +46,7 @@ tsuya_studio_weave tsuya_simulate_weave(const tsuya_simulate_scene *s, uint64_t 
     w.weft_pitch_m = 1e-3 * s->cloth.weft_mm;
     w.warp_pitch_m = 1e-3 * s->cloth.warp_mm;
     w.unevenness = s->cloth.unevenness;
-    w.half_side_m = 0.5 * s->cloth.side_m;
+    w.half_side_m = is(s->cloth.kind, "karaori") ? 10.0 : 0.5 * s->cloth.side_m; /* a costume has no border all round */
     w.seed = seed;
     return w;
 }
@@ -71,11 +71,30 @@ const tsuya_microcylinder *tsuya_simulate_reflectance(const tsuya_simulate_scene
     return is(s->cloth.reflectance, "satin") ? &satin : is(s->cloth.reflectance, "linen") ? &linen : NULL;
 }
 
+/* Over the bar, front and back straight down from it. */
+static void hang(tsuya_drape_sheet *sheet, const tsuya_simulate_scene *s, double gap_m, uint64_t seed)
+{
+    tsuya_vec3 foot = tsuya_simulate_foot(s);
+    double r = s->stand.radius_m + gap_m, axis = foot.z + s->stand.height_m - s->stand.radius_m, quarter = 0.5 * M_PI * r;
+    for (size_t v = 0; v < sheet->vertex_count; v++) {
+        double *p = sheet->position + 3 * v, along = p[1], side = along < 0.0 ? -1.0 : 1.0, over = fabs(along) - quarter;
+        p[0] += foot.x;
+        p[1] = foot.y + (over > 0.0 ? side * r : r * sin(along / r)) + side * 5e-4 * tsuya_random_uniform(seed, SIMULATE_START, v);
+        p[2] = axis + (over > 0.0 ? -over : r * cos(along / r));
+    }
+}
+
 /* The flat sheet a little over the stand, not quite even, so that folds find their place. */
 static tsuya_status lay_out(tsuya_drape_sheet *sheet, const tsuya_simulate_scene *s, const tsuya_drape_fabric *fabric, uint64_t seed)
 {
     tsuya_vec3 foot = tsuya_simulate_foot(s);
     double side = s->cloth.side_m, spacing = s->cloth.spacing_m * (1 << s->cloth.levels), z = foot.z + s->stand.height_m + fabric->thickness_m + START_M;
+    if (is(s->cloth.kind, "karaori")) {
+        double sagging = spacing * spacing / (8.0 * s->stand.radius_m); /* of an edge over the bar */
+        TSUYA_TRY(tsuya_drape_sheet_karaori(sheet, side, spacing));
+        hang(sheet, s, fabric->thickness_m + START_M + 1.2 * sagging, seed);
+        return TSUYA_OK;
+    }
     if (is(s->cloth.kind, "disc")) {
         TSUYA_TRY(tsuya_drape_sheet_disc(sheet, 0.5 * side, 0.0, spacing));
     } else {

@@ -225,7 +225,7 @@ static tsuya_status check_views(const tsuya_simulate_scene *s)
 
 static tsuya_status check(tsuya_simulate_scene *s)
 {
-    static const char *const kinds[] = {"closed", "square", "disc", NULL}, *const stands[] = {"disc", "table", "bar", "form", NULL};
+    static const char *const kinds[] = {"closed", "square", "disc", "karaori", NULL}, *const stands[] = {"disc", "table", "bar", "form", NULL};
     static const char *const reflectances[] = {"satin", "linen", "matt", NULL}, *const families[] = {"tag36h11", "tag25h9", "tagStandard41h12", NULL};
     tsuya_drape_fabric fabric;
     TSUYA_TRY(settle(s->path, "", s, NULL, scene_ints));
@@ -244,6 +244,10 @@ static tsuya_status check(tsuya_simulate_scene *s)
     TSUYA_TRY(choose(s->path, "mat: family", &s->mat.family, families));
     TSUYA_TRY(choose(s->path, "board: family", &s->board.family, families));
     TSUYA_TRY(settle(s->path, "goniometer: ", &s->goniometer, goniometer_numbers, NULL));
+    if (strcmp(s->cloth.kind, "karaori") == 0 && (strcmp(s->stand.kind, "bar") != 0 || s->stand.height_m < 1.1 * s->cloth.side_m)) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: cloth: kind: karaori hangs on a stand of kind bar, at least 1.1 side_m high; %s of height_m %g is given", s->path,
+                          s->stand.kind, s->stand.height_m);
+    }
     s->goniometer.photo_step_deg = isnan(s->goniometer.photo_step_deg) ? s->goniometer.tilt_step_deg : s->goniometer.photo_step_deg;
     TSUYA_TRY(check_dye(s->path, &s->goniometer.dye));
     for (int i = 0; i < s->lamps.count; i++) {

@@ -259,6 +259,32 @@ static void coarse_to_fine_comes_to_rest(void **state)
     tsuya_drape_sheet_free(&sheet[1]);
 }
 
+/* The costume's plan: its area, its symmetry, an opening from the neck down the front alone. */
+static void a_karaori_is_cut_by_its_plan(void **state)
+{
+    (void)state;
+    tsuya_drape_sheet s;
+    double area = 0.0, low[2] = {1, 1}, high[2] = {-1, -1};
+    assert_ok(tsuya_drape_sheet_karaori(&s, 1.4, 0.02));
+    for (size_t t = 0; t < s.triangle_count; t++) {
+        const double *c = s.uv + 6 * t;
+        area += 0.5 * ((c[2] - c[0]) * (c[5] - c[1]) - (c[4] - c[0]) * (c[3] - c[1]));
+        for (int k = 0; k < 6; k++) {
+            low[k % 2] = fmin(low[k % 2], c[k]);
+            high[k % 2] = fmax(high[k % 2], c[k]);
+        }
+        double u = (c[0] + c[2] + c[4]) / 3.0, v = (c[1] + c[3] + c[5]) / 3.0;
+        assert_false(v > 0.0 && fabs(u) < 0.009);        /* open in front */
+        assert_false(fabs(v) < 0.03 && fabs(u) < 0.06);  /* neck */
+        assert_false(fabs(u) > 0.34 && fabs(v) > 0.56);  /* below the sleeves */
+    }
+    double flat = 2.0 * 1.4 * 1.4 * (2.0 * 0.225 * 1.05 + 2.0 * (0.5 - 0.225) * 0.38);
+    assert_true(fabs(area / flat - 1.0) < 0.04); /* the cells' size, the slit */
+    assert_true(fabs(low[0] + high[0]) < 1e-12 && fabs(low[1] + high[1]) < 1e-12 && fabs(high[0] - 0.7) < 0.02 && fabs(high[1] - 1.47) < 0.02);
+    tsuya_drape_sheet_free(&s);
+    assert_fails(tsuya_drape_sheet_karaori(&s, 1.4, 0.2), "from 15 to 2000 cells");
+}
+
 static void senseless_numbers_are_refused(void **state)
 {
     (void)state;
@@ -281,7 +307,7 @@ int main(void)
         cmocka_unit_test(a_cantilever_hangs_as_an_elastica),      cmocka_unit_test(a_hanging_sheet_stretches_under_its_weight),
         cmocka_unit_test(stiffer_cloth_drapes_less_in_fewer_folds), cmocka_unit_test(threads_do_not_matter),
         cmocka_unit_test(cloth_over_a_bar_does_not_pass_through), cmocka_unit_test(senseless_numbers_are_refused),
-        cmocka_unit_test(coarse_to_fine_comes_to_rest),
+        cmocka_unit_test(coarse_to_fine_comes_to_rest), cmocka_unit_test(a_karaori_is_cut_by_its_plan),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
