@@ -20,6 +20,7 @@ typedef struct command {
     const char *label;   /* of the progress */
     double done, total;
     bool one_processor;
+    char trouble[256]; /* what its database said; COLMAP itself goes on and exits with 0 */
 } command;
 
 static void add(command *c, const char *text)
@@ -85,6 +86,11 @@ static void follow(void *user, const char *line)
     command *c = user;
     int done, total, id;
     const char *bracket = strchr(line, '[');
+    if (strncmp(line, "SQLite error", 12) == 0) {
+        const char *said = strrchr(line, ':');
+        snprintf(c->trouble, sizeof c->trouble, "%.200s", said && said[1] ? said + 2 : line);
+        return;
+    }
     if (strncmp(line, "Registering image #", 19) == 0 && sscanf(line + 19, "%d (%d)", &id, &done) == 2) {
         c->done = done;
     } else if (bracket && sscanf(bracket, "[%d/%d]", &done, &total) == 2 && total > 0) {
@@ -110,6 +116,10 @@ static tsuya_status finish(command *c)
     tsuya_process_info info;
     tsuya_status status = tsuya_process_run(&info, c->argv, &options);
     c->colmap->peak_mb = info.peak_mb > c->colmap->peak_mb ? info.peak_mb : c->colmap->peak_mb;
+    if (c->trouble[0] && (status == TSUYA_OK || (status == TSUYA_ERROR_CHILD && info.signal_number == 0))) {
+        return tsuya_fail(TSUYA_ERROR_CHILD, "%s/database.db: colmap %s could not use it: %s; is the disk full? (log: %s)", c->colmap->folder, c->name,
+                          c->trouble, log);
+    }
     return status;
 }
 
@@ -286,6 +296,7 @@ tsuya_status tsuya_colmap_triangulate(tsuya_colmap *colmap, const char *input, c
     set_if_known(c, "--clear_points", "1");
     fix_intrinsics(c);
     set_if_known(c, "--Mapper.num_threads", "1");
+    c->one_processor = true; /* its last adjustment takes all that there are */
     status = finish(c);
 done:
     tsuya_free(help);

@@ -1,5 +1,6 @@
 #include "reconstruct/sparse_steps.h"
 
+#include "core/image.h"
 #include "reconstruct/adjust.h"
 #include "reconstruct/database_adapter.h"
 #include "reconstruct/groups.h"
@@ -249,6 +250,23 @@ static tsuya_status triangulation(tsuya_reconstruction *r)
     return tsuya_reconstruction_end_step(r, NULL);
 }
 
+/* COLMAP does not look whether what it writes arrives: on a full disk it ends well and leaves halves behind. */
+static tsuya_status check_undistorted(const tsuya_sparse_model *dense, const char *workspace)
+{
+    tsuya_status status = TSUYA_OK;
+    for (int v = 0; status == TSUYA_OK && v < dense->view_count; v++) {
+        tsuya_image image = {0};
+        char path[4096];
+        snprintf(path, sizeof path, "%s/images/%s", workspace, dense->view[v].name);
+        TSUYA_TRY(tsuya_check_interrupt());
+        if (tsuya_image_load(&image, path) != TSUYA_OK) {
+            status = tsuya_fail(TSUYA_ERROR_CHILD, "%s: colmap image_undistorter left it out or unfinished; is the disk full?", path);
+        }
+        tsuya_image_free(&image);
+    }
+    return status;
+}
+
 static tsuya_status undistortion(tsuya_reconstruction *r)
 {
     const char *workspace = tsuya_reconstruction_path(r, "dense");
@@ -260,9 +278,10 @@ static tsuya_status undistortion(tsuya_reconstruction *r)
     TSUYA_GOTO_DONE(status, tsuya_folder_remove(workspace));
     TSUYA_GOTO_DONE(status, tsuya_folder_make(workspace));
     TSUYA_GOTO_DONE(status, tsuya_colmap_undistort(&r->colmap, "sparse/0", "dense"));
+    TSUYA_GOTO_DONE(status, tsuya_sparse_model_load(&dense, tsuya_reconstruction_path(r, "dense/sparse")));
+    TSUYA_GOTO_DONE(status, check_undistorted(&dense, workspace));
     if (r->options->masks) {
         TSUYA_GOTO_DONE(status, tsuya_sparse_model_load(&sparse, tsuya_reconstruction_path(r, "sparse/0")));
-        TSUYA_GOTO_DONE(status, tsuya_sparse_model_load(&dense, tsuya_reconstruction_path(r, "dense/sparse")));
         TSUYA_GOTO_DONE(status, tsuya_undistort_masks(workspace, &dense, &sparse, &r->photos, r->context));
     }
     status = tsuya_reconstruction_end_step(r, NULL);
