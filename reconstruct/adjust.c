@@ -2,6 +2,7 @@
 
 #include "core/file.h"
 #include "core/memory.h"
+#include "reconstruct/adjust_tags.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -258,47 +259,100 @@ done:
     return status;
 }
 
-tsuya_status tsuya_adjust(tsuya_sparse_model *model, tsuya_adjust_info *info, tsuya_colmap *colmap, bool fixed_intrinsics)
+/* Of all features together: 1.4826 × median |residual| per coordinate. */
+static tsuya_status scatter(double *sigma_px, const tsuya_sparse_model *model)
 {
-    adjustment a = {.model = model, .colmap = colmap, .fixed_intrinsics = fixed_intrinsics};
-    tsuya_sparse_model part = {0};
-    tsuya_status status = TSUYA_OK;
-    char *folder = tsuya_path_join(colmap->folder, "adjusting");
-    *info = (tsuya_adjust_info){0};
-    TSUYA_GOTO_DONE(status, folder ? TSUYA_OK : TSUYA_ERROR_MEMORY);
-    if (model->point_count == 0 || model->view_count < 2) {
-        goto done;
+    size_t most = 0, count = 0;
+    double dx, dy;
+    for (int v = 0; v < model->view_count; v++) {
+        most += 2 * (size_t)model->view[v].observation_count;
     }
-    TSUYA_GOTO_DONE(status, begin(&a, info));
-    bool done = false, can_center = !fixed_intrinsics && model->view_count >= ENOUGH_FOR_CENTER;
+    double *value = tsuya_calloc(most + 1, sizeof *value);
+    if (!value) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    for (int v = 0; v < model->view_count; v++) {
+        for (int k = 0; k < model->view[v].observation_count; k++) {
+            const tsuya_observation *o = &model->view[v].observation[k];
+            if (o->point >= 0 && residual(&dx, &dy, model, &model->view[v], o)) {
+                value[count++] = fabs(dx);
+                value[count++] = fabs(dy);
+            }
+        }
+    }
+    *sigma_px = 1.4826 * median(value, count);
+    tsuya_free(value);
+    return TSUYA_OK;
+}
+
+static tsuya_status add_tags(tsuya_sparse_model *model, tsuya_adjust_info *info, int *observations, const tsuya_scale_input *tags)
+{
+    double sigma_px;
+    for (int v = 0; v < model->view_count; v++) {
+        observations[v] = model->view[v].observation_count;
+    }
+    for (size_t i = 0; i < model->point_count; i++) {
+        model->point[i].point_id = i + 1;
+    }
+    TSUYA_TRY(scatter(&sigma_px, model));
+    return tsuya_tags_append(model, &info->tag_observations, tags, sigma_px);
+}
+
+static tsuya_status adjust(adjustment *a, tsuya_adjust_info *info)
+{
+    tsuya_sparse_model *model = a->model, part = {0};
+    tsuya_status status = TSUYA_OK;
+    TSUYA_GOTO_DONE(status, begin(a, info));
+    bool done = false, can_center = !a->fixed_intrinsics && model->view_count >= ENOUGH_FOR_CENTER;
     for (info->rounds = 0; info->rounds < MOST_ROUNDS && !done; info->rounds++) {
-        measure(&a);
-        bool settled = (double)choose(&a, info) < SETTLED * (double)info->observations;
-        if (info->kept < 3 * (size_t)model->view_count || (settled && (a.center || !can_center))) {
+        measure(a);
+        bool settled = (double)choose(a, info) < SETTLED * (double)info->observations;
+        if (info->kept < 3 * (size_t)model->view_count || (settled && (a->center || !can_center))) {
             break;
         }
-        a.center = a.center || (can_center && (settled || info->rounds == MOST_ROUNDS / 2));
-        tsuya_progress_update(colmap->context, "adjustment", info->rounds, MOST_ROUNDS, NULL);
-        TSUYA_GOTO_DONE(status, round_trip(&a, &done));
+        a->center = a->center || (can_center && (settled || info->rounds == MOST_ROUNDS / 2));
+        tsuya_progress_update(a->colmap->context, "adjustment", info->rounds, MOST_ROUNDS, NULL);
+        TSUYA_GOTO_DONE(status, round_trip(a, &done));
     }
     if (info->rounds > 0) {
-        info->sigma_px = median(a.sigma_px, (size_t)model->view_count);
-        TSUYA_GOTO_DONE(status, extract(&part, &a));
+        info->sigma_px = median(a->sigma_px, (size_t)model->view_count);
+        TSUYA_GOTO_DONE(status, extract(&part, a));
         set_errors(&part);
         tsuya_sparse_model whole = *model;
         *model = part;
         part = whole;
     }
-    status = tsuya_folder_remove(folder);
 done:
-    for (int v = 0; a.keep && v < model->view_count; v++) {
-        tsuya_free(a.keep[v]);
+    for (int v = 0; a->keep && v < model->view_count; v++) {
+        tsuya_free(a->keep[v]);
     }
     tsuya_sparse_model_free(&part);
-    tsuya_free(a.sigma_px);
-    tsuya_free(a.keep);
-    tsuya_free(a.kept);
-    tsuya_free(a.scratch);
+    tsuya_free(a->sigma_px);
+    tsuya_free(a->keep);
+    tsuya_free(a->kept);
+    tsuya_free(a->scratch);
+    return status;
+}
+
+tsuya_status tsuya_adjust(tsuya_sparse_model *model, tsuya_adjust_info *info, tsuya_colmap *colmap, bool fixed_intrinsics, const tsuya_scale_input *tags)
+{
+    adjustment a = {.model = model, .colmap = colmap, .fixed_intrinsics = fixed_intrinsics};
+    tsuya_status status = TSUYA_OK;
+    const size_t points = model->point_count;
+    int *observations = NULL;
+    char *folder = tsuya_path_join(colmap->folder, "adjusting");
+    *info = (tsuya_adjust_info){0};
+    TSUYA_GOTO_DONE(status, folder ? TSUYA_OK : TSUYA_ERROR_MEMORY);
+    if (points == 0 || model->view_count < 2) {
+        goto done;
+    }
+    TSUYA_NEW(status, observations, (size_t)model->view_count);
+    TSUYA_GOTO_DONE(status, add_tags(model, info, observations, tags));
+    TSUYA_GOTO_DONE(status, adjust(&a, info));
+    tsuya_tags_strip(model, points, observations);
+    status = tsuya_folder_remove(folder);
+done:
+    tsuya_free(observations);
     tsuya_free(folder);
     return status;
 }

@@ -10,15 +10,19 @@
 #define TSUYA_RECONSTRUCT_ADJUST_H
 
 #include "reconstruct/colmap.h"
+#include "reconstruct/scale.h"
 
 typedef struct tsuya_adjust_info {
     size_t observations, kept;
+    size_t tag_observations; /* corners of tags that took part beside them */
     double sigma_px;  /* median over the photographs, of the last round */
     int rounds;
 } tsuya_adjust_info;
 
-/* Changes `model` (poses, points, tracks, and the intrinsics unless they are fixed).  Works in colmap->folder/adjusting, which
- * is removed afterwards.  A model without points is left as it is. */
-TSUYA_MUST_CHECK tsuya_status tsuya_adjust(tsuya_sparse_model *model, tsuya_adjust_info *info, tsuya_colmap *colmap, bool fixed_intrinsics);
+/* Changes `model` (poses, points, tracks, and the intrinsics unless they are fixed).  The corners of `tags` (NULL: none) take part
+ * as points of their own and are not in the model afterwards.  Works in colmap->folder/adjusting, which is removed afterwards.  A
+ * model without points is left as it is. */
+TSUYA_MUST_CHECK tsuya_status tsuya_adjust(tsuya_sparse_model *model, tsuya_adjust_info *info, tsuya_colmap *colmap, bool fixed_intrinsics,
+                                           const tsuya_scale_input *tags);
 
 #endif

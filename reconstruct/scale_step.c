@@ -5,7 +5,7 @@ const char *tsuya_scale_unscaled(const tsuya_reconstruction *r)
     return tsuya_reconstruction_path(r, r->options->scale ? "unscaled" : "sparse/0");
 }
 
-static tsuya_status hash_of(tsuya_hash *hash, const tsuya_scale_input *in)
+tsuya_status tsuya_scale_hash(tsuya_hash *hash, const tsuya_scale_input *in)
 {
     tsuya_hasher *hasher;
     TSUYA_TRY(tsuya_hasher_create(&hasher));
@@ -69,7 +69,7 @@ tsuya_status tsuya_scale_step(tsuya_reconstruction *r)
     if (!r->options->scale) {
         return TSUYA_OK;
     }
-    TSUYA_TRY(hash_of(&hash, r->options->scale));
+    TSUYA_TRY(tsuya_scale_hash(&hash, r->options->scale));
     if (tsuya_step_begin(&r->steps, "scale", hash.hex, tsuya_reconstruction_path(r, "sparse/0/points3D.bin"))) {
         return TSUYA_OK;
     }

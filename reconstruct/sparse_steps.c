@@ -2,6 +2,7 @@
 
 #include "core/image.h"
 #include "reconstruct/adjust.h"
+#include "reconstruct/adjust_tags.h"
 #include "reconstruct/database_adapter.h"
 #include "reconstruct/groups.h"
 #include "reconstruct/match_steps.h"
@@ -180,6 +181,28 @@ static tsuya_status load_models(tsuya_sparse_model model[MODELS_MOST], int *coun
                                    r->options->photos);
 }
 
+/* Photographs that features do not place, but tags do; their features then find the points of the others. */
+static tsuya_status place_by_tags(tsuya_sparse_model *model, tsuya_reconstruction *r, tsuya_json *figures)
+{
+    tsuya_database database = {0};
+    tsuya_status status;
+    int placed = 0;
+    TSUYA_GOTO_DONE(status, tsuya_database_load(&database, tsuya_reconstruction_path(r, "database.db")));
+    TSUYA_GOTO_DONE(status, tsuya_tags_place(model, &placed, &database, r->options->scale));
+    tsuya_json_set_number(figures, "placed_by_tags", placed);
+    if (placed > 0) {
+        TSUYA_GOTO_DONE(status, tsuya_folder_make(tsuya_reconstruction_path(r, "placed")));
+        TSUYA_GOTO_DONE(status, tsuya_sparse_model_save_binary(model, tsuya_reconstruction_path(r, "placed")));
+        TSUYA_GOTO_DONE(status, tsuya_colmap_triangulate(&r->colmap, "placed", "placed/points"));
+        tsuya_sparse_model_free(model);
+        TSUYA_GOTO_DONE(status, tsuya_sparse_model_load(model, tsuya_reconstruction_path(r, "placed/points")));
+        status = tsuya_folder_remove(tsuya_reconstruction_path(r, "placed"));
+    }
+done:
+    tsuya_database_free(&database);
+    return status;
+}
+
 /* The mapper's model with most photographs, as sparse/0; the others are named, and where they would join it. */
 static tsuya_status keep_largest(tsuya_reconstruction *r, tsuya_json *figures)
 {
@@ -192,14 +215,18 @@ static tsuya_status keep_largest(tsuya_reconstruction *r, tsuya_json *figures)
     for (int m = 1; m < count; m++) {
         kept = model[m].view_count > model[kept].view_count ? m : kept;
     }
-    report_missing(r, &model[kept], count > 1 ? " with the largest group" : "");
     tsuya_json_set_number(figures, "models", count);
     if (count > 1) {
         TSUYA_GOTO_DONE(status, tsuya_database_load(&database, tsuya_reconstruction_path(r, "database.db")));
         TSUYA_GOTO_DONE(status, tsuya_groups_report(tsuya_json_set_array(figures, "groups"), model, count, kept, &database, &r->photos, r->context));
     }
-    TSUYA_GOTO_DONE(status, tsuya_adjust(&model[kept], &adjusted, &r->colmap, r->options->camera_model != NULL));
+    if (r->options->scale && model[kept].view_count < r->photos.count) {
+        TSUYA_GOTO_DONE(status, place_by_tags(&model[kept], r, figures));
+    }
+    report_missing(r, &model[kept], count > 1 ? " with the largest group" : "");
+    TSUYA_GOTO_DONE(status, tsuya_adjust(&model[kept], &adjusted, &r->colmap, r->options->camera_model != NULL, r->options->scale));
     tsuya_json_set_number(figures, "observations", (double)adjusted.observations);
+    tsuya_json_set_number(figures, "observations_of_tags", (double)adjusted.tag_observations);
     tsuya_json_set_number(figures, "observations_kept", (double)adjusted.kept);
     tsuya_json_set_number(figures, "feature_sigma_px", adjusted.sigma_px);
     tsuya_json_set_number(figures, "adjustments", adjusted.rounds);
@@ -224,8 +251,14 @@ static tsuya_status explain_mapper(const tsuya_reconstruction *r, tsuya_status s
 
 static tsuya_status mapping(tsuya_reconstruction *r)
 {
-    if (tsuya_step_begin(&r->steps, "mapping", "adjusted, centre freed last", tsuya_arena_printf(r->arena, "%s/points3D.bin", tsuya_scale_unscaled(r)))) {
-        return TSUYA_OK;
+    const char *how = "adjusted, centre freed last";
+    if (r->options->scale && r->options->scale->tag_count > 0) {
+        tsuya_hash tags;
+        TSUYA_TRY(tsuya_scale_hash(&tags, r->options->scale));
+        how = tsuya_arena_printf(r->arena, "%s, tags %s", how, tags.hex);
+    }
+    if (!how || tsuya_step_begin(&r->steps, "mapping", how, tsuya_arena_printf(r->arena, "%s/points3D.bin", tsuya_scale_unscaled(r)))) {
+        return how ? TSUYA_OK : TSUYA_ERROR_MEMORY;
     }
     tsuya_json *figures = tsuya_json_create_object();
     tsuya_status status;

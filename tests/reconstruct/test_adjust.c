@@ -3,6 +3,7 @@
 
 #include "core/memory.h"
 #include "reconstruct/adjust.h"
+#include "reconstruct/adjust_tags.h"
 
 #include <math.h>
 #include <string.h>
@@ -99,9 +100,9 @@ static void test_wrong_matches_are_left_out(void **state)
     squares(&plain, &colmap, 0.08);
     squares(&wrong, &colmap, 0.08);
     squares(&clean, &colmap, 0.0);
-    assert_ok(tsuya_adjust(&clean, &info, &colmap, false));
+    assert_ok(tsuya_adjust(&clean, &info, &colmap, false, NULL));
     assert_true((double)info.kept >= 0.98 * (double)info.observations); /* nothing is wrong but the lens at the start */
-    assert_ok(tsuya_adjust(&wrong, &info, &colmap, false));
+    assert_ok(tsuya_adjust(&wrong, &info, &colmap, false, NULL));
     double e_plain = center_error(&plain), e_clean = center_error(&clean), e = center_error(&wrong);
     print_message("centres: %.2g plain, %.2g adjusted, %.2g without wrong matches; focal %.3f, centre %.2f %.2f; kept %zu of %zu, sigma %.3f px, %d rounds\n",
                   e_plain, e, e_clean, wrong.camera[0].fx_px, wrong.camera[0].cx_px, wrong.camera[0].cy_px, info.kept, info.observations, info.sigma_px, info.rounds);
@@ -126,8 +127,8 @@ static void test_known_lens_stays_and_twice_is_the_same(void **state)
     open_folder(&colmap, &context);
     make(&a, 0.08, true);
     make(&b, 0.08, true);
-    assert_ok(tsuya_adjust(&a, &info, &colmap, true));
-    assert_ok(tsuya_adjust(&b, &info, &colmap, true));
+    assert_ok(tsuya_adjust(&a, &info, &colmap, true, NULL));
+    assert_ok(tsuya_adjust(&b, &info, &colmap, true, NULL));
     assert_memory_equal(&a.camera[0], &lens, sizeof lens);
     assert_int_equal(a.point_count, b.point_count);
     for (int v = 0; v < VIEWS; v++) {
@@ -141,6 +142,146 @@ static void test_known_lens_stays_and_twice_is_the_same(void **state)
     tsuya_sparse_model_free(&b);
 }
 
+/* ---- tags ---- */
+
+enum { TAG_COUNT = 40, SIGHTINGS = 4 * TAG_COUNT * VIEWS };
+
+typedef struct tags {
+    tsuya_scale_sighting sighting[SIGHTINGS];
+    tsuya_scale_tag tag[TAG_COUNT];
+    char name[VIEWS][16];
+    const char *plate[1];
+    tsuya_scale_input input;
+} tags;
+
+/* A mat of tags below the scene, seen by every camera, a twentieth of a pixel sharp. */
+static void make_tags(tags *t)
+{
+    *t = (tags){.plate = {"mat"}};
+    t->input = (tsuya_scale_input){.source = "mat.yaml", .sighting = t->sighting, .tag = t->tag, .tag_count = TAG_COUNT, .plate = t->plate, .plate_count = 1};
+    for (int v = 0; v < VIEWS; v++) {
+        snprintf(t->name[v], sizeof t->name[v], "v%02d.jpg", v);
+    }
+    for (int k = 0; k < 4 * TAG_COUNT; k++) {
+        int i = k / 4, c = k % 4;
+        tsuya_vec3 p = {-0.35 + 0.1 * (i % 8) + (c == 1 || c == 2 ? 0.06 : 0.0), -0.2 + 0.1 * (i / 8) + (c >= 2 ? 0.06 : 0.0), 0.0};
+        t->tag[i].id = i;
+        t->tag[i].corner_m[c] = p;
+        for (int v = 0; v < VIEWS; v++) {
+            tsuya_vec2 pixel;
+            uint64_t o = (uint64_t)k * VIEWS + (uint64_t)v;
+            assert_true(tsuya_camera_project(&lens, tsuya_pose_apply(true_pose(v), p), &pixel));
+            pixel = (tsuya_vec2){pixel.x + 0.05 * noise(7, o), pixel.y + 0.05 * noise(8, o)};
+            t->sighting[t->input.sighting_count++] = (tsuya_scale_sighting){t->name[v], k, pixel, 0.05};
+        }
+    }
+}
+
+static void test_tags_hold_the_cameras(void **state)
+{
+    (void)state;
+    static tags t;
+    tsuya_context context = tsuya_context_default();
+    tsuya_colmap colmap;
+    tsuya_sparse_model without, with;
+    tsuya_adjust_info info;
+    make_tags(&t);
+    open_folder(&colmap, &context);
+    squares(&without, &colmap, 0.08);
+    squares(&with, &colmap, 0.08);
+    assert_ok(tsuya_adjust(&without, &info, &colmap, false, NULL));
+    assert_int_equal(info.tag_observations, 0);
+    assert_ok(tsuya_adjust(&with, &info, &colmap, false, &t.input));
+    double before = center_error(&without), after = center_error(&with);
+    print_message("centres: %.2g without tags, %.2g with %zu observations of corners; %zu and %zu points\n", before, after, info.tag_observations, without.point_count, with.point_count);
+    assert_true(info.tag_observations >= SIGHTINGS);
+    assert_true(after <= 0.75 * before);
+    assert_true(with.point_count <= POINTS && with.point_count >= without.point_count * 9 / 10);
+    for (int v = 0; v < VIEWS; v++) { /* nothing but features is left */
+        assert_int_equal(with.view[v].observation_count, without.view[v].observation_count);
+    }
+    for (size_t i = 0; i < with.point_count; i++) {
+        for (int k = 0; k < with.point[i].track_count; k++) {
+            const tsuya_track_element *e = &with.point[i].track[k];
+            assert_true(e->observation < with.view[e->view].observation_count);
+            assert_int_equal(with.view[e->view].observation[e->observation].point, (int64_t)i);
+        }
+    }
+    tsuya_sparse_model_free(&without);
+    tsuya_sparse_model_free(&with);
+}
+
+/* One view out of the model, as if it had no features; another photograph shows tags of somewhere else. */
+static void test_tags_place_a_photograph(void **state)
+{
+    (void)state;
+    enum { GONE = 5 };
+    static tags t;
+    tsuya_sparse_model m;
+    tsuya_database_image image[VIEWS];
+    tsuya_database database = {.image = image, .image_count = VIEWS};
+    int placed;
+    make_tags(&t);
+    make(&m, 0.0, true);
+    for (int v = 0; v < VIEWS; v++) {
+        image[v] = (tsuya_database_image){.image_id = (uint32_t)v + 1, .camera_id = 1, .name = t.name[v]};
+    }
+    for (size_t i = 0; i < m.point_count; i++) { /* tracks of the view and then the view */
+        tsuya_point *p = &m.point[i];
+        int kept = 0;
+        for (int k = 0; k < p->track_count; k++) {
+            tsuya_track_element e = p->track[k];
+            if (e.view != GONE) {
+                p->track[kept++] = (tsuya_track_element){e.view - (e.view > GONE), e.observation};
+            }
+        }
+        p->track_count = kept;
+    }
+    tsuya_free(m.view[GONE].name);
+    tsuya_free(m.view[GONE].observation);
+    memmove(&m.view[GONE], &m.view[GONE + 1], (VIEWS - GONE - 1) * sizeof *m.view);
+    m.view_count--;
+    assert_ok(tsuya_tags_place(&m, &placed, &database, &t.input));
+    assert_int_equal(placed, 1);
+    assert_int_equal(m.view_count, VIEWS);
+    assert_string_equal(m.view[GONE].name, "v05.jpg");
+    assert_int_equal(m.view[GONE].image_id, GONE + 1);
+    tsuya_pose off = tsuya_pose_compose(m.view[GONE].camera_from_world, tsuya_pose_inverse(true_pose(GONE)));
+    print_message("placed by tags: %.2g rad, %.2g of 2 off\n", tsuya_mat3_rotation_angle_rad(off.rotation), tsuya_vec3_norm(off.translation));
+    assert_true(tsuya_mat3_rotation_angle_rad(off.rotation) < 1e-3);
+    assert_true(tsuya_vec3_norm(off.translation) < 2e-3);
+    for (size_t i = 0; i < m.point_count; i++) {
+        for (int k = 0; k < m.point[i].track_count; k++) {
+            const tsuya_track_element *e = &m.point[i].track[k];
+            assert_int_equal(m.view[e->view].observation[e->observation].point, (int64_t)i);
+        }
+    }
+    tsuya_sparse_model_free(&m);
+}
+
+static void test_tags_that_do_not_agree_place_nothing(void **state)
+{
+    (void)state;
+    static tags t;
+    tsuya_sparse_model m;
+    char stranger[] = "w.jpg";
+    tsuya_database_image image = {.image_id = 77, .camera_id = 1, .name = stranger};
+    tsuya_database database = {.image = &image, .image_count = 1};
+    int placed;
+    make_tags(&t);
+    make(&m, 0.0, true);
+    for (int i = 0; i < t.input.sighting_count; i++) { /* the last view's tags are scattered over another photograph */
+        if (t.sighting[i].photo == t.name[VIEWS - 1]) {
+            t.sighting[i].photo = stranger;
+            t.sighting[i].pixel = (tsuya_vec2){1000.0 * tsuya_random_uniform(9, 1, (uint64_t)i), 800.0 * tsuya_random_uniform(9, 2, (uint64_t)i)};
+        }
+    }
+    assert_ok(tsuya_tags_place(&m, &placed, &database, &t.input));
+    assert_int_equal(placed, 0);
+    assert_int_equal(m.view_count, VIEWS);
+    tsuya_sparse_model_free(&m);
+}
+
 static void test_empty_model_stays(void **state)
 {
     (void)state;
@@ -152,7 +293,7 @@ static void test_empty_model_stays(void **state)
     make(&m, 0.0, true);
     size_t points = m.point_count;
     m.point_count = 0;
-    assert_ok(tsuya_adjust(&m, &info, &colmap, true));
+    assert_ok(tsuya_adjust(&m, &info, &colmap, true, NULL));
     assert_int_equal(info.rounds, 0);
     assert_int_equal(m.view_count, VIEWS);
     m.point_count = points;
@@ -164,6 +305,9 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_wrong_matches_are_left_out),
         cmocka_unit_test(test_known_lens_stays_and_twice_is_the_same),
+        cmocka_unit_test(test_tags_hold_the_cameras),
+        cmocka_unit_test(test_tags_place_a_photograph),
+        cmocka_unit_test(test_tags_that_do_not_agree_place_nothing),
         cmocka_unit_test(test_empty_model_stays),
     };
     return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
