@@ -59,10 +59,13 @@ set(TSUYA_PUBLIC_HEADERS
   reconstruct/steps.h
   reconstruct/stereo.h
   reconstruct/surface.h
+  render/bands.h
   render/compare.h
+  render/dye.h
   render/embree_adapter.h
   render/environment.h
   render/film.h
+  render/lamp_spectrum.h
   render/light.h
   render/path.h
   render/preset.h
