@@ -14,6 +14,8 @@ static void scale_strengths(tsuya_sheen *s, double factor)
         s->strength[1][c] *= factor;
         s->matte[c] *= factor;
     }
+    s->gloss[0] *= factor;
+    s->gloss[1] *= factor;
 }
 
 static tsuya_status reduced(tsuya_samples *part, const tsuya_samples *samples)
@@ -60,6 +62,9 @@ static void copy_guide(tsuya_sheen *to, const tsuya_sheen *from)
     for (int k = 0; k < TSUYA_SHEEN_CURVES; ++k) {
         memcpy(to->curve[k], from->curve[k], curve);
     }
+    to->eta = from->eta;
+    to->lowest_cosine = from->lowest_cosine;
+    memcpy(to->gloss, from->gloss, sizeof to->gloss);
     memcpy(to->slant, from->slant, sizeof to->slant);
     memcpy(to->strength[0], from->strength[0], channels);
     memcpy(to->strength[1], from->strength[1], channels);

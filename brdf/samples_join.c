@@ -53,10 +53,31 @@ static void take_pair(pairs *p, const double camera[3], const double *radiometer
     memcpy(p->radiometer + n * p->channels, radiometer, (size_t)p->channels * sizeof *radiometer);
 }
 
+/* A camera's numbers may be any multiple of a reflectance, and a fit that seems to exceed energy is held at it: so the fit sees
+ * them this much darker. */
+static const double darker = 1e-3;
+
+static tsuya_status darkened(tsuya_samples *copy, const tsuya_samples *camera)
+{
+    unsigned char *keep = tsuya_calloc((size_t)camera->count, 1);
+    if (!keep) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    memset(keep, 1, (size_t)camera->count);
+    tsuya_status status = tsuya_samples_copy(copy, camera, keep);
+    copy->relative = true;
+    for (size_t k = 0; status == TSUYA_OK && k < (size_t)copy->count * (size_t)copy->channel_count; ++k) {
+        copy->value[k] *= darker;
+    }
+    tsuya_free(keep);
+    return status;
+}
+
 static tsuya_status link_tables(pairs *p, const tsuya_samples *camera, const tsuya_samples *wanted, const tsuya_samples *rgb, const tsuya_context *context)
 {
     const tsuya_fit_options options = {"camera", "ndf", NAN};
     tsuya_material *m = NULL;
+    tsuya_samples dark = {0};
     tsuya_fit_info fit;
     tsuya_status status = TSUYA_OK;
     size_t n = (size_t)wanted->count;
@@ -73,17 +94,22 @@ static tsuya_status link_tables(pairs *p, const tsuya_samples *camera, const tsu
         TSUYA_GOTO_DONE(status, tsuya_fail(TSUYA_ERROR_INPUT, "%d of the radiometer's %d rows lie within 7° of the camera's readings and are not clipped; at least %d "
                                                               "must link them", linked, wanted->count, FEWEST_LINKS));
     }
-    TSUYA_GOTO_DONE(status, tsuya_brdf_fit(&m, &fit, NULL, NULL, camera, &options, context));
+    TSUYA_GOTO_DONE(status, darkened(&dark, camera));
+    TSUYA_GOTO_DONE(status, tsuya_brdf_fit(&m, &fit, NULL, NULL, &dark, &options, context));
     for (size_t k = 0; k < n; ++k) {
         double seen[3];
         const double *value = wanted->value + k * (size_t)p->channels;
         tsuya_material_eval(m, NULL, wanted->wi[k], wanted->wo[k], seen);
+        for (int c = 0; c < 3; ++c) {
+            seen[c] /= darker;
+        }
         if (near_camera(camera, wanted->wi[k], wanted->wo[k]) && usable(value, p->channels) && usable(rgb->value + 3 * k, 3)) {
             take_pair(p, seen, value, rgb->value + 3 * k);
         }
     }
 done:
     tsuya_material_free(m);
+    tsuya_samples_free(&dark);
     return status;
 }
 

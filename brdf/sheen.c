@@ -16,9 +16,22 @@ tsuya_half_angles tsuya_half_angles_of(tsuya_vec3 wi, tsuya_vec3 wo)
         .theta_h = atan2(across, sum.z),
         .theta_d = atan2(tsuya_vec3_norm(difference), tsuya_vec3_norm(sum)),
         .falloff = 0.5 / (wi.z + wo.z),
+        .cosine = fmin(0.5 * tsuya_vec3_norm(sum), 1.0),
         .dt2 = 0.25 * difference.x * difference.x,
         .db2 = 0.25 * difference.y * difference.y,
     };
+}
+
+double tsuya_sheen_rise(const tsuya_sheen *s, double cosine)
+{
+    double eta = s->eta;
+    if (!(eta > 1.0)) {
+        return 0.0;
+    }
+    cosine = fmin(fmax(cosine, s->lowest_cosine), 1.0);
+    double g = sqrt(eta * eta - 1.0 + cosine * cosine), ratio = (eta - 1.0) / (eta + 1.0);
+    double a = (g - cosine) / (g + cosine), b = (cosine * (g + cosine) - 1.0) / (cosine * (g - cosine) + 1.0);
+    return 0.5 * a * a * (1.0 + b * b) / (ratio * ratio) - 1.0;
 }
 
 static void cubic_weights(double w[4], double t)
@@ -70,6 +83,7 @@ tsuya_status tsuya_sheen_create(tsuya_sheen **sheen, int channels, int spans, in
     s->nu = nu;
     s->nv = nv;
     s->nd = nd;
+    s->eta = 1.0;
     for (int k = 0; k < TSUYA_SHEEN_CURVES; ++k) {
         TSUYA_NEW(status, s->curve[k], (size_t)spans + 3);
     }
@@ -120,9 +134,9 @@ void tsuya_sheen_guide(double *value, const tsuya_sheen *s, const tsuya_half_ang
 {
     double yarn[2];
     tsuya_sheen_yarns(yarn, s, a);
-    double warp = exp(yarn[0]), weft = exp(yarn[1]);
+    double warp = exp(yarn[0]), weft = exp(yarn[1]), gloss = (s->gloss[0] * warp + s->gloss[1] * weft) * tsuya_sheen_rise(s, a->cosine);
     for (int c = 0; c < s->channels; ++c) {
-        value[c] = (s->strength[0][c] * warp + s->strength[1][c] * weft + s->matte[c]) * a->falloff;
+        value[c] = (s->strength[0][c] * warp + s->strength[1][c] * weft + s->matte[c] + gloss) * a->falloff;
     }
 }
 

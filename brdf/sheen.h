@@ -1,11 +1,12 @@
 /* The cloth's own model: two yarns, and what they leave, as NURBS in the half vector.  Models yarn, ndf and nurbs3.
  *
- *   f_c(wi, wo) = [ Σ_y s_yc A_y(ψ along yarn y) C_y(ψ across it) + m_c ] · exp(S_c(φh, θh, θd)) / (2 (cosθi + cosθo))
+ *   f_c(wi, wo) = [ Σ_y (s_yc + g_y (Fη(wi·h)/Fη(0) − 1)) A_y(ψ along yarn y) C_y(ψ across it) + m_c ] · exp(S_c(φh, θh, θd)) / (2 (cosθi + cosθo))
  *
  * h is the half vector, ψt = atan2(h·weft, h·n), ψb = atan2(h·warp, h·n).  The warp runs along b, so its A is a curve over ψb and
  * its C one over ψt; for the weft they change places.  A and C are exponentials of cubic B-splines, shared by the channels; s and m
- * are strengths per channel.  S, the logarithm of what the two yarns leave, is a cubic tensor B-spline per channel: periodic in φh,
- * signed in θh so that it passes the pole smoothly (S(φ, −θ) = S(φ + π, θ)), and in nurbs3 over θd as well.
+ * are strengths per channel.  g_y is how much of a yarn's strength is its fibres' surface, which is the same in every channel and follows
+ * the dielectric's Fresnel term Fη; the rest has been in the fibres.  S, the logarithm of what the two yarns leave, is a cubic tensor
+ * B-spline per channel: periodic in φh, signed in θh so that it passes the pole smoothly (S(φ, −θ) = S(φ + π, θ)), and in nurbs3 over θd as well.
  *
  * 1/(2 (cosθi + cosθo)) is G2/(4 cosθi cosθo) of the height-correlated Smith masking of facets that point everywhere, as the
  * facets of round fibres do.  Every factor is symmetric in wi and wo, so f is reciprocal. */
@@ -14,7 +15,7 @@
 
 #include "brdf/model.h"
 
-enum { TSUYA_SHEEN_CURVES = 4, TSUYA_SHEEN_LINE = 4 };
+enum { TSUYA_SHEEN_CURVES = 4, TSUYA_SHEEN_LINE = 4, TSUYA_SHEEN_RISE = 8 };
 
 /* Curves, in this order. */
 enum { TSUYA_SHEEN_WARP_ALONG, TSUYA_SHEEN_WARP_ACROSS, TSUYA_SHEEN_WEFT_ALONG, TSUYA_SHEEN_WEFT_ACROSS };
@@ -24,21 +25,28 @@ typedef struct tsuya_sheen {
     int spans;                          /* of each curve, uniform over ψ in [−π/2, π/2]; spans + 3 control values */
     double *curve[TSUYA_SHEEN_CURVES];  /* logarithms */
     double slant[2][2];                 /* κ: of each yarn, for the light's difference along and across it */
+    double eta, lowest_cosine;          /* refractive index of the fibres (1: without Fη), and wi·h below which Fη is held */
+    double gloss[2];                    /* g: warp, weft */
     double *strength[2];                /* per channel: warp, weft */
     double *matte;                      /* m, per channel */
     int nu, nv, nd;                     /* S: nu functions round φ, nv intervals of θh in [0, π/2], nd of θd (0: none); nu = 0: no S */
     int line;                           /* channels rounded up to a multiple of four */
     float *net;                         /* ((d * nu + u) * (nv + 3) + v) * line + c; v counts from one step before the pole */
+    float fast_rise[TSUYA_SHEEN_RISE];  /* Fη(c)/Fη(0) − 1 as a polynomial of wi·h, from −1 at lowest_cosine to 1 at 1 */
     float *fast_curve;                  /* for batches, in pairs: warp along and weft across; then warp across and weft along */
     struct tsuya_half_table *half;      /* for sampling */
 } tsuya_sheen;
 
 typedef struct tsuya_half_angles {
     double psi_t, psi_b, phi_h, theta_h, theta_d, falloff; /* falloff: 1/(2 (cosθi + cosθo)) */
+    double cosine;   /* wi·h */
     double dt2, db2; /* squares of ((wi − wo)/2)·weft and ·warp */
 } tsuya_half_angles;
 
 tsuya_half_angles tsuya_half_angles_of(tsuya_vec3 wi, tsuya_vec3 wo);
+
+/* Fη(cosine)/Fη(0) − 1; 0 for η = 1. */
+double tsuya_sheen_rise(const tsuya_sheen *sheen, double cosine);
 
 /* The four weights of a uniform cubic B-spline over `spans` intervals of [low, high], and the index of the first (open: spans + 3
  * functions; periodic: spans functions). */

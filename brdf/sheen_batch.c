@@ -4,6 +4,7 @@
 
 #include "core/clones.h"
 
+#include <string.h>
 
 enum { BLOCK = 128, LANES = 4 };
 typedef float lanes __attribute__((vector_size(LANES * sizeof(float)), aligned(4)));
@@ -13,6 +14,7 @@ typedef float pairs __attribute__((vector_size(8 * sizeof(float)), aligned(4)));
 typedef struct block {
     float t[BLOCK], b[BLOCK], u[BLOCK], v[BLOCK], d[BLOCK]; /* places: ψt, ψb, φh, θh, θd in intervals; then v and d as fractions */
     float warp[BLOCK], weft[BLOCK], falloff[BLOCK];         /* warp, weft: logarithms first */
+    float gloss[BLOCK];                                     /* what Fresnel's term adds, the same in every channel */
     float wu[4][BLOCK], wd[4][BLOCK];
     int column[4][BLOCK], corner[BLOCK]; /* where the four columns round φ begin, and where in each */
 } block;
@@ -114,6 +116,22 @@ block_yarns(block *restrict b, const tsuya_sheen *s, int count)
     for (int k = 0; k < count; ++k) {
         b->warp[k] = exponential(b->warp[k] + (sum[k][0] + sum[k][2]));
         b->weft[k] = exponential(b->weft[k] + (sum[k][1] + sum[k][3]));
+    }
+}
+
+/* What Fresnel's term adds to both yarns. */
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
+block_gloss(block *restrict b, const tsuya_sheen *s, const tsuya_direction_batch *d, int from, int count)
+{
+    const float *restrict ix = d->wi_x + from, *restrict iy = d->wi_y + from, *restrict iz = d->wi_z + from;
+    const float *restrict ox = d->wo_x + from, *restrict oy = d->wo_y + from, *restrict oz = d->wo_z + from;
+    const float lowest = (float)s->lowest_cosine, per = (float)(2.0 / (1.0 - s->lowest_cosine)), warp = (float)s->gloss[0], weft = (float)s->gloss[1];
+    const float *r = s->fast_rise, r0 = r[0], r1 = r[1], r2 = r[2], r3 = r[3], r4 = r[4], r5 = r[5], r6 = r[6], r7 = r[7];
+#pragma omp simd
+    for (int k = 0; k < count; ++k) {
+        float x = ix[k] + ox[k], y = iy[k] + oy[k], z = iz[k] + oz[k], c = larger(0.5f * sqrtf(x * x + y * y + z * z), lowest);
+        float t = (c - lowest) * per - 1.0f, rise = r0 + t * (r1 + t * (r2 + t * (r3 + t * (r4 + t * (r5 + t * (r6 + t * r7))))));
+        b->gloss[k] = (warp * b->warp[k] + weft * b->weft[k]) * rise;
     }
 }
 
@@ -226,7 +244,7 @@ block_values(float *restrict value, const block *b, const float *restrict log_va
 {
 #pragma omp simd
     for (int k = 0; k < count; ++k) {
-        value[k] = (warp * b->warp[k] + weft * b->weft[k] + matte) * b->falloff[k] * exponential(log_value[k]);
+        value[k] = (warp * b->warp[k] + weft * b->weft[k] + matte + b->gloss[k]) * b->falloff[k] * exponential(log_value[k]);
     }
 }
 
@@ -236,7 +254,7 @@ block_values_alone(float *restrict value, const block *b, float warp, float weft
 {
 #pragma omp simd
     for (int k = 0; k < count; ++k) {
-        value[k] = (warp * b->warp[k] + weft * b->weft[k] + matte) * b->falloff[k];
+        value[k] = (warp * b->warp[k] + weft * b->weft[k] + matte + b->gloss[k]) * b->falloff[k];
     }
 }
 
@@ -249,6 +267,11 @@ void tsuya_sheen_eval_batch(const void *sheen, int channels, const tsuya_directi
         int count = batch->count - from < BLOCK ? batch->count - from : BLOCK;
         block_yarn_angles(&b, s, batch, from, count);
         block_yarns(&b, s, count);
+        if (s->gloss[0] + s->gloss[1] > 0.0) {
+            block_gloss(&b, s, batch, from, count);
+        } else {
+            memset(b.gloss, 0, sizeof b.gloss);
+        }
         if (s->nu > 0 && s->line == LANES) {
             block_net_angles(&b, s, batch, from, count);
             block_window(&b, s, count);

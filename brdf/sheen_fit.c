@@ -9,7 +9,7 @@ tsuya_status tsuya_fit_data_create(tsuya_fit_data *d, const tsuya_samples *s)
 {
     tsuya_status status = TSUYA_OK;
     size_t n = (size_t)s->count, channels = (size_t)s->channel_count;
-    *d = (tsuya_fit_data){.count = s->count, .channels = s->channel_count, .scale = 0.0};
+    *d = (tsuya_fit_data){.count = s->count, .channels = s->channel_count, .scale = 0.0, .relative = s->relative};
     TSUYA_NEW(status, d->angles, n);
     TSUYA_NEW(status, d->cosine, n);
     TSUYA_NEW(status, d->value, n * channels);
@@ -56,6 +56,8 @@ typedef struct problem {
     tsuya_sheen *sheen;
     int curve_size, unknowns, usable;
     double smooth[4]; /* of each curve */
+    double *rise;     /* of every sample: Fη(wi·h)/Fη(0) − 1 */
+    double share[2][TSUYA_MATERIAL_MAX_CHANNELS]; /* of each yarn's strength that follows it */
     double *matrix, *gradient, *step, *saved, *trial; /* unknowns², unknowns … */
 } problem;
 
@@ -92,13 +94,20 @@ static void curve_stencil(int *index, double *weight, const problem *p, const ts
     }
 }
 
+static void yarns_at(double yarn[2], const problem *p, int k)
+{
+    tsuya_sheen_yarns(yarn, p->sheen, &p->data->angles[k]);
+    yarn[0] = exp(yarn[0]);
+    yarn[1] = exp(yarn[1]);
+}
+
 /* Terms of one channel and its residual. */
 static double residual(double term[PARTS], const problem *p, int k, int c, const double yarn[2])
 {
     const tsuya_sheen *s = p->sheen;
-    double falloff = p->data->angles[k].falloff;
-    term[0] = s->strength[0][c] * yarn[0] * falloff;
-    term[1] = s->strength[1][c] * yarn[1] * falloff;
+    double falloff = p->data->angles[k].falloff, rise = p->rise[k];
+    term[0] = s->strength[0][c] * (1.0 + p->share[0][c] * rise) * yarn[0] * falloff;
+    term[1] = s->strength[1][c] * (1.0 + p->share[1][c] * rise) * yarn[1] * falloff;
     term[2] = s->matte[c] * falloff;
     double g = term[0] + term[1] + term[2], root = cbrt(g * p->data->cosine[k]);
     for (int j = 0; j < PARTS; ++j) {
@@ -111,9 +120,7 @@ static double data_term(const problem *p)
 {
     double sum = 0.0, yarn[2], term[PARTS];
     for (int k = 0; k < p->data->count; ++k) {
-        tsuya_sheen_yarns(yarn, p->sheen, &p->data->angles[k]);
-        yarn[0] = exp(yarn[0]);
-        yarn[1] = exp(yarn[1]);
+        yarns_at(yarn, p, k);
         for (int c = 0; c < p->data->channels; ++c) {
             if (!isnan(p->data->root[k * p->data->channels + c])) {
                 double r = residual(term, p, k, c, yarn);
@@ -214,9 +221,7 @@ static void assemble(const problem *p)
     memset(p->matrix, 0, (size_t)p->unknowns * (size_t)p->unknowns * sizeof *p->matrix);
     memset(p->gradient, 0, (size_t)p->unknowns * sizeof *p->gradient);
     for (int k = 0; k < p->data->count; ++k) {
-        tsuya_sheen_yarns(yarn, p->sheen, &p->data->angles[k]);
-        yarn[0] = exp(yarn[0]);
-        yarn[1] = exp(yarn[1]);
+        yarns_at(yarn, p, k);
         curve_stencil(index, weight, p, &p->data->angles[k]);
         for (int c = 0; c < channels; ++c) {
             if (isnan(p->data->root[k * channels + c])) {
@@ -464,11 +469,24 @@ static tsuya_status prepare(problem *p, tsuya_sheen *sheen, const tsuya_fit_data
     TSUYA_NEW(status, p->trial, n * n);
     TSUYA_NEW(status, p->gradient, n);
     TSUYA_NEW(status, p->step, n);
+    TSUYA_NEW(status, p->rise, (size_t)data->count);
+    for (int k = 0; k < data->count; ++k) {
+        p->rise[k] = tsuya_sheen_rise(sheen, data->angles[k].cosine);
+    }
     TSUYA_NEW(status, p->saved, (2 + sizeof starts / sizeof starts[0]) * n);
 done:
     return status;
 }
 
+
+static void take_gloss(problem *p)
+{
+    tsuya_sheen_find_gloss(p->sheen, p->data);
+    for (int k = 0; k < 2 * p->data->channels; ++k) {
+        int y = k / p->data->channels, c = k % p->data->channels;
+        p->share[y][c] = p->sheen->gloss[y] / p->sheen->strength[y][c];
+    }
+}
 
 /* A short descent from every start, then the whole procedure from the better half. */
 static void search(problem *p, double *kept)
@@ -492,6 +510,7 @@ static void search(problem *p, double *kept)
         double reached = iterate(p, p->options->iterations);
         for (int round = 0; round < p->options->rounds; ++round) {
             update_smoothing(p);
+            take_gloss(p);
             reached = iterate(p, p->options->iterations);
         }
         if (reached < best) {
@@ -528,9 +547,11 @@ static void fall_beyond(const problem *p)
 tsuya_status tsuya_sheen_fit_guide(tsuya_sheen *sheen, double *error, const tsuya_fit_data *data, const tsuya_sheen_guide_options *options)
 {
     problem p;
+    tsuya_sheen_set_fresnel(sheen, data);
     tsuya_status status = prepare(&p, sheen, data, options);
     if (status == TSUYA_OK) {
         search(&p, p.saved + p.unknowns);
+        take_gloss(&p);
         fall_beyond(&p);
         *error = sqrt(data_term(&p));
     }
@@ -539,5 +560,6 @@ tsuya_status tsuya_sheen_fit_guide(tsuya_sheen *sheen, double *error, const tsuy
     tsuya_free(p.gradient);
     tsuya_free(p.step);
     tsuya_free(p.saved);
+    tsuya_free(p.rise);
     return status;
 }

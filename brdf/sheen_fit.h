@@ -15,6 +15,7 @@ typedef struct tsuya_fit_data {
     double *root;   /* ∛(f cosθi) of the scaled value */
     double scale;   /* f = scale · value */
     double root_sum; /* Σ root² */
+    bool relative;   /* values are a reflectance up to a factor */
 } tsuya_fit_data;
 
 TSUYA_MUST_CHECK tsuya_status tsuya_fit_data_create(tsuya_fit_data *data, const tsuya_samples *samples);
@@ -28,6 +29,11 @@ typedef struct tsuya_sheen_guide_options {
 tsuya_sheen_guide_options tsuya_sheen_guide_options_default(void);
 
 tsuya_polar_options tsuya_sheen_surface_options_default(void);
+
+/* The fibres' refractive index, and how far it is trusted beyond the difference angles of `data`. */
+void tsuya_sheen_set_fresnel(tsuya_sheen *sheen, const tsuya_fit_data *data);
+/* How much of the fitted yarns is their surface. */
+void tsuya_sheen_find_gloss(tsuya_sheen *sheen, const tsuya_fit_data *data);
 
 /* The two yarns to `data`, Levenberg–Marquardt on differences of ∛(f cosθi); from the best of several starts. */
 TSUYA_MUST_CHECK tsuya_status tsuya_sheen_fit_guide(tsuya_sheen *sheen, double *error, const tsuya_fit_data *data,

@@ -2,6 +2,7 @@
  * the measured woven fabric.  Bars are the project's; where one is not reached it stands at what is true and is marked so. */
 #include "brdf/fit.h"
 #include "brdf/truth.h"
+#include "core/context.h"
 #include "core/memory.h"
 #include "support.h"
 
@@ -22,10 +23,9 @@ typedef struct bars {
     double tilts, azimuths, geometry;
 } bars;
 
-/* Another geometry on crêpe: 0.033 is asked for, 0.0347 reached. */
 static const bars published[] = {
     {"polyester_satin_charm", 0.015, 0.065, 0.055},
-    {"silk_crepe_de_chine", 0.007, 0.038, 0.036},
+    {"silk_crepe_de_chine", 0.007, 0.038, 0.033},
     {"linen_plain", 0.005, 0.013, 0.012},
 };
 
@@ -58,6 +58,49 @@ static void test_published_cloths(void **state)
         tsuya_microcylinder cloth;
         assert_ok(tsuya_microcylinder_load(&cloth, path, published[k].cloth));
         check_cloth(&published[k], &cloth, 1);
+    }
+}
+
+static double off_by(double share, uint64_t seed, uint64_t *counter)
+{
+    return share * (2.0 * tsuya_random_uniform(seed, 77, (*counter)++) - 1.0);
+}
+
+static void perturb(tsuya_microcylinder_thread *t, uint64_t seed, uint64_t *counter)
+{
+    for (int c = 0; c < 3; ++c) {
+        t->albedo[c] *= 1.0 + off_by(0.15, seed, counter);
+    }
+    t->isotropic *= 1.0 + off_by(0.15, seed, counter);
+    t->surface_deg *= 1.0 + off_by(0.15, seed, counter);
+    t->volume_deg *= 1.0 + off_by(0.15, seed, counter);
+    for (int k = 0; k < t->knot_count; ++k) {
+        t->offset_deg[k] += off_by(3.0, seed, counter);
+    }
+}
+
+/* Other noise, and cloths that are not the published ones: every number that is not an angle off by up to 15 %, the tangents' angles by
+ * up to 3°.  A fifth is added to the bars, since these cloths are harder or easier than those that the bars were set for. */
+static void test_perturbed_cloths(void **state)
+{
+    (void)state;
+    const char *path = test_data("brdf/microcylinder_fits.txt");
+    if (!path) {
+        skip();
+    }
+    for (uint64_t seed = 11; seed < 14; ++seed) {
+        for (size_t k = 0; k < sizeof published / sizeof published[0]; ++k) {
+            tsuya_microcylinder cloth;
+            bars b = published[k];
+            uint64_t counter = 100 * k;
+            assert_ok(tsuya_microcylinder_load(&cloth, path, b.cloth));
+            perturb(&cloth.warp, seed, &counter);
+            perturb(&cloth.weft, seed, &counter);
+            b.tilts *= 1.2;
+            b.azimuths *= 1.2;
+            b.geometry *= 1.2;
+            check_cloth(&b, &cloth, seed);
+        }
     }
 }
 
@@ -153,6 +196,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_bad_requests),          cmocka_unit_test(test_published_cloths), cmocka_unit_test(test_steep_twill),
+        cmocka_unit_test(test_perturbed_cloths),
         cmocka_unit_test(test_threads_do_not_matter), cmocka_unit_test(test_measured_fabric),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
