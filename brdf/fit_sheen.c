@@ -66,6 +66,7 @@ static void copy_guide(tsuya_sheen *to, const tsuya_sheen *from)
     to->lowest_cosine = from->lowest_cosine;
     memcpy(to->gloss, from->gloss, sizeof to->gloss);
     memcpy(to->slant, from->slant, sizeof to->slant);
+    memcpy(to->reach, from->reach, sizeof to->reach);
     memcpy(to->strength[0], from->strength[0], channels);
     memcpy(to->strength[1], from->strength[1], channels);
     memcpy(to->matte, from->matte, channels);
@@ -87,6 +88,7 @@ tsuya_status tsuya_fit_sheen(void **state, double *reciprocal_condition, const t
         scale_strengths(s, 1.0 / data.scale);
         TSUYA_GOTO_DONE(status, tsuya_sheen_fit_surface(s, reciprocal_condition, &data, &options));
         scale_strengths(s, data.scale);
+        TSUYA_GOTO_DONE(status, tsuya_sheen_separate_by(s, &data));
     }
     TSUYA_GOTO_DONE(status, tsuya_sheen_prepare(s));
     *state = s;

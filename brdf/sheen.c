@@ -92,7 +92,10 @@ tsuya_status tsuya_sheen_create(tsuya_sheen **sheen, int channels, int spans, in
     TSUYA_NEW(status, s->matte, n);
     s->line = (channels + 3) & ~3;
     TSUYA_NEW(status, s->net, (size_t)tsuya_sheen_net_points(nu, nv, nd) * (size_t)s->line);
-    TSUYA_NEW(status, s->fast_curve, 4 * ((size_t)spans + 3));
+    for (int k = 0; k < TSUYA_SHEEN_FACTORS; ++k) {
+        TSUYA_NEW(status, s->factor[k], (size_t)(TSUYA_SHEEN_TERMS * tsuya_sheen_factor_size(s, k)));
+    }
+    s->reach[0] = s->reach[1] = 1.0;
     *sheen = s;
     return TSUYA_OK;
 done:
@@ -113,12 +116,21 @@ void tsuya_sheen_free(void *sheen)
     tsuya_free(s->strength[1]);
     tsuya_free(s->matte);
     tsuya_free(s->net);
-    tsuya_free(s->fast_curve);
+    for (int k = 0; k < TSUYA_SHEEN_FACTORS; ++k) {
+        tsuya_free(s->factor[k]);
+    }
+    tsuya_free(s->fast);
+    tsuya_free(s->wide);
     tsuya_half_table_free(s->half);
     tsuya_free(s);
 }
 
 static double dot4(const double *c, const double w[4]) { return c[0] * w[0] + c[1] * w[1] + c[2] * w[2] + c[3] * w[3]; }
+
+static double slanted(const double slant[2], const double reach[2], double along, double across)
+{
+    return slant[0] * (slant[0] > 0.0 ? fmin(along, reach[0]) : along) + slant[1] * (slant[1] > 0.0 ? fmin(across, reach[1]) : across);
+}
 
 void tsuya_sheen_yarns(double log_yarn[2], const tsuya_sheen *s, const tsuya_half_angles *a)
 {
@@ -126,8 +138,8 @@ void tsuya_sheen_yarns(double log_yarn[2], const tsuya_sheen *s, const tsuya_hal
     int t = tsuya_uniform_weights(wt, a->psi_t, -0.5 * M_PI, 0.5 * M_PI, s->spans, false);
     int b = tsuya_uniform_weights(wb, a->psi_b, -0.5 * M_PI, 0.5 * M_PI, s->spans, false);
     log_yarn[0] = dot4(s->curve[TSUYA_SHEEN_WARP_ALONG] + b, wb) + dot4(s->curve[TSUYA_SHEEN_WARP_ACROSS] + t, wt);
-    log_yarn[0] += s->slant[0][0] * a->db2 + s->slant[0][1] * a->dt2;
-    log_yarn[1] = s->slant[1][0] * a->dt2 + s->slant[1][1] * a->db2 + dot4(s->curve[TSUYA_SHEEN_WEFT_ALONG] + t, wt) + dot4(s->curve[TSUYA_SHEEN_WEFT_ACROSS] + b, wb);
+    log_yarn[0] += slanted(s->slant[0], (const double[2]){s->reach[1], s->reach[0]}, a->db2, a->dt2);
+    log_yarn[1] = slanted(s->slant[1], s->reach, a->dt2, a->db2) + dot4(s->curve[TSUYA_SHEEN_WEFT_ALONG] + t, wt) + dot4(s->curve[TSUYA_SHEEN_WEFT_ACROSS] + b, wb);
 }
 
 void tsuya_sheen_guide(double *value, const tsuya_sheen *s, const tsuya_half_angles *a)
@@ -140,22 +152,39 @@ void tsuya_sheen_guide(double *value, const tsuya_sheen *s, const tsuya_half_ang
     }
 }
 
+void tsuya_sheen_surface(double *log_value, const tsuya_sheen *s, const tsuya_half_angles *a)
+{
+    double wu[4], wv[4], wd[4];
+    memset(log_value, 0, (size_t)s->channels * sizeof *log_value);
+    if (s->terms == 0) {
+        return;
+    }
+    int u = tsuya_uniform_weights(wu, a->phi_h, 0.0, 2.0 * M_PI, s->nu, true);
+    int v = tsuya_uniform_weights(wv, a->theta_h, 0.0, 0.5 * M_PI, s->nv, false);
+    int d = s->nd > 0 ? tsuya_uniform_weights(wd, a->theta_d, 0.0, 0.5 * M_PI, s->nd, false) : 0;
+    for (int r = 0; r < s->terms; ++r) {
+        const double *round = s->factor[TSUYA_SHEEN_ROUND] + r * s->nu, *tint = s->factor[TSUYA_SHEEN_TINT] + r * s->channels;
+        double part = dot4(s->factor[TSUYA_SHEEN_TILT] + r * (s->nv + 3) + v, wv), around = 0.0;
+        for (int i = 0; i < 4; ++i) {
+            around += wu[i] * round[u + i < s->nu ? u + i : u + i - s->nu];
+        }
+        part *= around * (s->nd > 0 ? dot4(s->factor[TSUYA_SHEEN_DEEP] + r * (s->nd + 3) + d, wd) : *(s->factor[TSUYA_SHEEN_DEEP] + r));
+        for (int c = 0; c < s->channels; ++c) {
+            log_value[c] += tint[c] * part;
+        }
+    }
+}
+
 void tsuya_sheen_eval(const void *sheen, int channels, tsuya_vec3 wi, tsuya_vec3 wo, double *value)
 {
     const tsuya_sheen *s = sheen;
     tsuya_half_angles a = tsuya_half_angles_of(wi, wo);
     tsuya_sheen_guide(value, s, &a);
-    if (s->nu == 0) {
-        return;
-    }
-    int index[64];
-    double weight[64];
-    int count = tsuya_sheen_stencil(index, weight, &a, s->nu, s->nv, s->nd);
-    for (int c = 0; c < channels; ++c) {
-        double sum = 0.0;
-        for (int k = 0; k < count; ++k) {
-            sum += weight[k] * (double)s->net[(size_t)index[k] * (size_t)s->line + (size_t)c];
+    if (s->terms > 0) {
+        double log_value[TSUYA_MATERIAL_MAX_CHANNELS];
+        tsuya_sheen_surface(log_value, s, &a);
+        for (int c = 0; c < channels; ++c) {
+            value[c] *= exp(log_value[c]);
         }
-        value[c] *= exp(sum);
     }
 }

@@ -544,6 +544,16 @@ static void fall_beyond(const problem *p)
     }
 }
 
+/* A slant that raises its yarn does so up to the largest difference that was measured: beyond, it would without bound. */
+static void hold_slants(const problem *p)
+{
+    p->sheen->reach[0] = p->sheen->reach[1] = 0.0;
+    for (int k = 0; k < p->data->count; ++k) {
+        p->sheen->reach[0] = fmax(p->sheen->reach[0], p->data->angles[k].dt2);
+        p->sheen->reach[1] = fmax(p->sheen->reach[1], p->data->angles[k].db2);
+    }
+}
+
 tsuya_status tsuya_sheen_fit_guide(tsuya_sheen *sheen, double *error, const tsuya_fit_data *data, const tsuya_sheen_guide_options *options)
 {
     problem p;
@@ -553,6 +563,7 @@ tsuya_status tsuya_sheen_fit_guide(tsuya_sheen *sheen, double *error, const tsuy
         search(&p, p.saved + p.unknowns);
         take_gloss(&p);
         fall_beyond(&p);
+        hold_slants(&p);
         *error = sqrt(data_term(&p));
     }
     tsuya_free(p.matrix);

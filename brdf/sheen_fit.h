@@ -42,4 +42,7 @@ TSUYA_MUST_CHECK tsuya_status tsuya_sheen_fit_guide(tsuya_sheen *sheen, double *
 TSUYA_MUST_CHECK tsuya_status tsuya_sheen_fit_surface(tsuya_sheen *sheen, double *reciprocal_condition, const tsuya_fit_data *data,
                                                       const tsuya_polar_options *options);
 
+/* tsuya_sheen_separate, with lines and layers weighted by the readings that touch them. */
+TSUYA_MUST_CHECK tsuya_status tsuya_sheen_separate_by(tsuya_sheen *sheen, const tsuya_fit_data *data);
+
 #endif

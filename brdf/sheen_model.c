@@ -1,6 +1,7 @@
 /* yarn, ndf and nurbs3 as models: their JSON, their sampling. */
 #include "brdf/half_table.h"
 #include "brdf/sheen.h"
+#include "brdf/sheen_tables.h"
 
 #include "core/memory.h"
 
@@ -8,6 +9,7 @@
 
 enum { SPANS_MAX = 512, SIDE_MAX = 256 };
 static const char *const curve_key[TSUYA_SHEEN_CURVES] = {"warp_along", "warp_across", "weft_along", "weft_across"};
+static const char *const factor_key[TSUYA_SHEEN_FACTORS] = {"over_theta_d", "over_phi", "over_theta", "over_channels"};
 static const double log_limit = 200.0, strength_limit = 1e30;
 
 /* What a bench at a typical difference angle would see of the facets. */
@@ -16,15 +18,11 @@ static double half_density(const void *user, tsuya_vec3 h)
     const tsuya_sheen *s = user;
     tsuya_half_angles a = {.psi_t = atan2(h.x, h.z), .psi_b = atan2(h.y, h.z), .phi_h = atan2(h.y, h.x), .theta_h = acos(fmin(h.z, 1.0)),
                            .theta_d = M_PI / 6.0, .falloff = 1.0, .cosine = cos(M_PI / 6.0)};
-    double value[TSUYA_MATERIAL_MAX_CHANNELS], sum = 0.0, weight[64];
-    int index[64], count = s->nu > 0 ? tsuya_sheen_stencil(index, weight, &a, s->nu, s->nv, s->nd) : 0;
+    double value[TSUYA_MATERIAL_MAX_CHANNELS], log_value[TSUYA_MATERIAL_MAX_CHANNELS], sum = 0.0;
     tsuya_sheen_guide(value, s, &a);
+    tsuya_sheen_surface(log_value, s, &a);
     for (int c = 0; c < s->channels; ++c) {
-        double log_value = 0.0;
-        for (int k = 0; k < count; ++k) {
-            log_value += weight[k] * (double)s->net[(size_t)index[k] * (size_t)s->line + (size_t)c];
-        }
-        sum += value[c] * exp(log_value);
+        sum += value[c] * exp(log_value[c]);
     }
     return sum;
 }
@@ -51,12 +49,8 @@ static void prepare_rise(tsuya_sheen *s)
 
 tsuya_status tsuya_sheen_prepare(tsuya_sheen *s)
 {
-    static const int order[4] = {TSUYA_SHEEN_WARP_ALONG, TSUYA_SHEEN_WEFT_ACROSS, TSUYA_SHEEN_WARP_ACROSS, TSUYA_SHEEN_WEFT_ALONG};
-    for (int k = 0; k < 4 * (s->spans + 3); ++k) {
-        int table = k / (2 * (s->spans + 3)), i = k / 2 % (s->spans + 3);
-        s->fast_curve[k] = (float)s->curve[order[2 * table + k % 2]][i];
-    }
     prepare_rise(s);
+    TSUYA_TRY(tsuya_sheen_tables(s));
     tsuya_half_table_free(s->half);
     return tsuya_half_table_create(&s->half, half_density, s);
 }
@@ -100,12 +94,10 @@ static tsuya_status read_sizes(int *nu, int *nv, int *nd, const tsuya_json *surf
     return deep ? read_count(nd, surface, "intervals_theta_d", 1, SIDE_MAX) : TSUYA_OK;
 }
 
+/* A net of control values, as files of older versions hold it. */
 static tsuya_status read_net(tsuya_sheen *s, const tsuya_json *surface)
 {
     int points = tsuya_sheen_net_points(s->nu, s->nv, s->nd), channels = s->channels;
-    if (points == 0) {
-        return TSUYA_OK;
-    }
     double *net = tsuya_calloc((size_t)points * (size_t)channels, sizeof *net);
     if (!net) {
         return TSUYA_ERROR_MEMORY;
@@ -115,7 +107,24 @@ static tsuya_status read_net(tsuya_sheen *s, const tsuya_json *surface)
         s->net[(size_t)(k / channels) * (size_t)s->line + (size_t)(k % channels)] = (float)net[k];
     }
     tsuya_free(net);
-    return status;
+    return status == TSUYA_OK ? tsuya_sheen_separate(s, NULL, NULL) : status;
+}
+
+static tsuya_status read_surface(tsuya_sheen *s, const tsuya_json *surface)
+{
+    if (s->nu == 0) {
+        return TSUYA_OK;
+    }
+    if (tsuya_json_member(surface, "log_control")) {
+        return read_net(s, surface);
+    }
+    TSUYA_TRY(read_count(&s->terms, surface, "terms", 0, TSUYA_SHEEN_TERMS));
+    for (int k = 0; k < TSUYA_SHEEN_FACTORS; ++k) {
+        TSUYA_TRY(tsuya_model_read_numbers(s->factor[k], s->terms * tsuya_sheen_factor_size(s, k), surface, factor_key[k], -log_limit, log_limit));
+    }
+    tsuya_free(s->net);
+    s->net = NULL;
+    return TSUYA_OK;
 }
 
 static tsuya_status read_all(tsuya_sheen *s, const tsuya_json *parameters)
@@ -133,7 +142,10 @@ static tsuya_status read_all(tsuya_sheen *s, const tsuya_json *parameters)
     TSUYA_TRY(tsuya_model_read_numbers(s->strength[0], s->channels, parameters, "strength_warp", 0.0, strength_limit));
     TSUYA_TRY(tsuya_model_read_numbers(s->strength[1], s->channels, parameters, "strength_weft", 0.0, strength_limit));
     TSUYA_TRY(tsuya_model_read_numbers(s->matte, s->channels, parameters, "matte", 0.0, strength_limit));
-    TSUYA_TRY(read_net(s, tsuya_json_member(parameters, "surface")));
+    if (tsuya_json_member(parameters, "slant_reach")) {
+        TSUYA_TRY(tsuya_model_read_numbers(s->reach, 2, parameters, "slant_reach", 0.0, 1.0));
+    }
+    TSUYA_TRY(read_surface(s, tsuya_json_member(parameters, "surface")));
     return tsuya_sheen_prepare(s);
 }
 
@@ -180,9 +192,9 @@ static void write_surface(const tsuya_sheen *s, tsuya_json *parameters)
     if (s->nd > 0) {
         tsuya_json_set_number(surface, "intervals_theta_d", s->nd);
     }
-    tsuya_json *net = tsuya_json_set_array(surface, "log_control");
-    for (int k = 0; k < tsuya_sheen_net_points(s->nu, s->nv, s->nd) * s->channels; ++k) {
-        tsuya_json_add_number(net, (double)s->net[(size_t)(k / s->channels) * (size_t)s->line + (size_t)(k % s->channels)]);
+    tsuya_json_set_number(surface, "terms", s->terms);
+    for (int k = 0; k < TSUYA_SHEEN_FACTORS; ++k) {
+        tsuya_json_set_numbers(surface, factor_key[k], s->factor[k], s->terms * tsuya_sheen_factor_size(s, k));
     }
 }
 
@@ -195,6 +207,7 @@ static void to_json(const void *state, int channels, tsuya_json *parameters)
         tsuya_json_set_numbers(parameters, curve_key[k], s->curve[k], s->spans + 3);
     }
     tsuya_json_set_numbers(parameters, "slant", &s->slant[0][0], 4);
+    tsuya_json_set_numbers(parameters, "slant_reach", s->reach, 2);
     if (s->gloss[0] + s->gloss[1] > 0.0) {
         tsuya_json_set_number(parameters, "eta", s->eta);
         tsuya_json_set_number(parameters, "lowest_cosine", s->lowest_cosine);
@@ -211,9 +224,11 @@ static void to_json(const void *state, int channels, tsuya_json *parameters)
 static size_t bytes(const void *state)
 {
     const tsuya_sheen *s = state;
-    size_t curves = 4 * ((size_t)s->spans + 3) * (sizeof(double) + sizeof(float)), channels = (size_t)s->channels * 3 * sizeof(double);
-    size_t net = (size_t)tsuya_sheen_net_points(s->nu, s->nv, s->nd) * (size_t)s->line * sizeof(float);
-    return sizeof *s + curves + channels + net + tsuya_half_table_bytes(s->half);
+    size_t numbers = 4 * ((size_t)s->spans + 3) + (size_t)s->channels * 3;
+    for (int k = 0; k < TSUYA_SHEEN_FACTORS; ++k) {
+        numbers += (size_t)(s->terms * tsuya_sheen_factor_size(s, k));
+    }
+    return sizeof *s + numbers * sizeof(double) + tsuya_sheen_tables_bytes(s) + tsuya_half_table_bytes(s->half);
 }
 
 #define SHEEN_MODEL(model_name, reader)                                                                                   \

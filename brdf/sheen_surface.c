@@ -53,3 +53,45 @@ done:
     tsuya_free(control);
     return status;
 }
+
+/* √ of the readings' share that touches a control value, and a little everywhere. */
+static void share_of(double *weight, int count)
+{
+    double sum = 0.0;
+    for (int k = 0; k < count; ++k) {
+        sum += weight[k];
+    }
+    for (int k = 0; k < count; ++k) {
+        weight[k] = sqrt(0.1 + (sum > 0.0 ? weight[k] * count / sum : 1.0));
+    }
+}
+
+tsuya_status tsuya_sheen_separate_by(tsuya_sheen *sheen, const tsuya_fit_data *data)
+{
+    tsuya_status status = TSUYA_OK;
+    int layers = tsuya_sheen_layers(sheen);
+    double *tilt = NULL, *deep = NULL, w[4];
+    TSUYA_NEW(status, tilt, (size_t)sheen->nv + 3);
+    TSUYA_NEW(status, deep, (size_t)layers);
+    for (int k = 0; k < data->count; ++k) {
+        double most = 0.0;
+        for (int c = 0; c < data->channels; ++c) {
+            most = fmax(most, data->root[(size_t)k * (size_t)data->channels + (size_t)c]); /* leaves NaN out */
+        }
+        int at = tsuya_uniform_weights(w, data->angles[k].theta_h, 0.0, 0.5 * M_PI, sheen->nv, false);
+        for (int i = 0; i < 4; ++i) {
+            tilt[at + i] += most * most * w[i];
+        }
+        at = sheen->nd > 0 ? tsuya_uniform_weights(w, data->angles[k].theta_d, 0.0, 0.5 * M_PI, sheen->nd, false) : 0;
+        for (int i = 0; i < 4 && sheen->nd > 0; ++i) {
+            deep[at + i] += most * most * w[i];
+        }
+    }
+    share_of(tilt, sheen->nv + 3);
+    share_of(deep, layers);
+    status = tsuya_sheen_separate(sheen, tilt, sheen->nd > 0 ? deep : NULL);
+done:
+    tsuya_free(tilt);
+    tsuya_free(deep);
+    return status;
+}

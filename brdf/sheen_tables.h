@@ -1,0 +1,30 @@
+/* What batches read of a sheen, in float: built once, by tsuya_sheen_prepare. */
+#ifndef TSUYA_BRDF_SHEEN_TABLES_H
+#define TSUYA_BRDF_SHEEN_TABLES_H
+
+#include "brdf/sheen.h"
+
+/* Rows of all terms side by side, `round` going on past the seam by three; terms that are not there are 0. */
+typedef struct tsuya_sheen_rows {
+    float *over_b, *over_t;              /* pairs: warp along and weft across; warp across and weft along */
+    float *round, *tilt, *deep, *tint;   /* TSUYA_SHEEN_TERMS numbers a control value; tint: a channel */
+} tsuya_sheen_rows;
+tsuya_sheen_rows tsuya_sheen_rows_of(const tsuya_sheen *sheen);
+
+/* Tables that fit into a few registers of sixteen floats (brdf/sheen_wide.c): each curve as four tables, the coefficients of the cubic
+ * on each interval, and one entry more for the end.  Logarithms are to base 2. */
+enum { TSUYA_WIDE_LANES = 16, TSUYA_WIDE_CURVE = 48, TSUYA_WIDE_ROUND = 16, TSUYA_WIDE_TILT = 32, TSUYA_WIDE_DEEP = 16 };
+enum { TSUYA_WIDE_TERM = 4 * (TSUYA_WIDE_ROUND + TSUYA_WIDE_TILT + TSUYA_WIDE_DEEP) };
+enum { TSUYA_WIDE_WARP = TSUYA_SHEEN_TERMS, TSUYA_WIDE_WEFT, TSUYA_WIDE_MATTE }; /* of a channel's row, behind the tints */
+static inline size_t tsuya_wide_term(int term) { return (size_t)(4 * TSUYA_SHEEN_CURVES * TSUYA_WIDE_CURVE + term * TSUYA_WIDE_TERM); }
+static inline size_t tsuya_wide_channel(const tsuya_sheen *s, int channel) { return tsuya_wide_term(s->terms) + (size_t)(channel * TSUYA_WIDE_LANES); }
+
+TSUYA_MUST_CHECK tsuya_status tsuya_sheen_tables(tsuya_sheen *sheen);
+size_t tsuya_sheen_tables_bytes(const tsuya_sheen *sheen);
+
+/* Whether this processor has the registers. */
+bool tsuya_sheen_wide_here(void);
+/* As tsuya_sheen_eval_batch; only with `wide`. */
+void tsuya_sheen_eval_wide(const tsuya_sheen *sheen, int channels, const tsuya_direction_batch *batch, float *value);
+
+#endif
