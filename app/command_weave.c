@@ -1,5 +1,6 @@
 /* tsuya weave image PHOTO, tsuya weave mesh MESH.ply */
 #include "app/command.h"
+#include "app/weave_maps.h"
 #include "app/weave_truth.h"
 #include "core/file.h"
 #include "weave_detect/mesh_field.h"
@@ -8,7 +9,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { KEY_PATCH = 1, KEY_STEP, KEY_MASK, KEY_WEFT, KEY_WORKSPACE, KEY_HOLD_OUT, KEY_TRUTH, KEY_SCALE, KEY_NO_OVERLAY, LIST = 1024 };
+enum { KEY_PATCH = 1, KEY_STEP, KEY_MASK, KEY_WEFT, KEY_WORKSPACE, KEY_HOLD_OUT, KEY_TRUTH, KEY_SCALE, KEY_NO_OVERLAY, KEY_MAPS, LIST = 1024 };
 
 typedef struct image_input {
     tsuya_patch_options options;
@@ -138,6 +139,7 @@ int tsuya_command_weave_image(int argc, char **argv)
 typedef struct mesh_input {
     tsuya_weave_mesh_options options;
     const char *mesh, *output, *truth, *hold_out[LIST + 1];
+    bool maps;
 } mesh_input;
 
 static const struct argp_option mesh_options[] = {
@@ -147,6 +149,7 @@ static const struct argp_option mesh_options[] = {
     {"weft", KEY_WEFT, "X,Y,Z", 0, "Roughly where the weft runs, world frame (default: not known)", 0},
     {"hold-out", KEY_HOLD_OUT, "NAME", 0, "A photograph that does not vote; repeatable", 0},
     {"truth", KEY_TRUTH, "TRUE.ply", 0, "Hold the field against this mesh's weft, in the same frame", 0},
+    {"maps", KEY_MAPS, NULL, 0, "Also write shear.ply, weft_threads.ply and warp_threads.ply: the surface coloured by shear and by thread density", 0},
     {"output", 'o', "PATH", 0, "WEAVE.ply, weave.json beside it; or a folder (default: the current folder)", 0},
     {0},
 };
@@ -172,6 +175,7 @@ static error_t parse_mesh(int key, char *arg, struct argp_state *state)
     case KEY_WEFT: parse_weft(state, &input->options, arg); return 0;
     case KEY_HOLD_OUT: tsuya_argument_append(state, input->hold_out, LIST, arg); return 0;
     case KEY_TRUTH: input->truth = arg; return 0;
+    case KEY_MAPS: input->maps = true; return 0;
     case 'o': input->output = arg; return 0;
     case ARGP_KEY_ARG:
         if (input->mesh) {
@@ -200,12 +204,15 @@ static const tsuya_syntax mesh_syntax = {
     .parse = parse_mesh,
 };
 
-static tsuya_status save_mesh(tsuya_json *figures, const tsuya_mesh *mesh, const char *output)
+static tsuya_status save_mesh(tsuya_json *figures, const tsuya_mesh *mesh, const char *output, bool maps)
 {
     char *folder = NULL, *ply = NULL, *json = NULL;
     tsuya_status status = tsuya_command_output(&folder, &ply, output, ".ply", "weave.ply");
     if (status == TSUYA_OK) {
         status = tsuya_ply_save(mesh, ply, NULL);
+    }
+    if (status == TSUYA_OK && maps) {
+        status = tsuya_weave_maps_save(figures, mesh, folder);
     }
     if (status == TSUYA_OK) {
         json = tsuya_path_join(folder, "weave.json");
@@ -237,7 +244,7 @@ static tsuya_status weave_mesh(tsuya_json *figures, mesh_input *input, const tsu
     if (input->truth) {
         TSUYA_GOTO_DONE(status, tsuya_weave_truth(figures, &mesh, input->truth));
     }
-    TSUYA_GOTO_DONE(status, save_mesh(figures, &mesh, input->output));
+    TSUYA_GOTO_DONE(status, save_mesh(figures, &mesh, input->output, input->maps));
 done:
     tsuya_weave_mesh_info_free(&info);
     tsuya_mesh_free(&mesh);

@@ -1,12 +1,12 @@
 /* The weft field on the surface: from several sides as streaks, its confidence, and the threads on the photographs. */
 #include "app/report_parts.h"
 
+#include "app/weave_maps.h"
 #include "app/weave_picture.h"
 #include "core/memory.h"
 #include "render/views.h"
 
 #include <math.h>
-#include <stdlib.h>
 
 enum { VIEW_WIDTH_PX = 380, VIEW_HEIGHT_PX = 520, SIDES = 4, OVERLAY_PX = 700, SINGULARITIES = 40 };
 
@@ -25,12 +25,6 @@ static tsuya_status show_side(tsuya_report *report, int side, const float *value
     tsuya_html_picture(&report->html, &picture, false, "weave", caption, caption);
     tsuya_image_free(&picture);
     return TSUYA_OK;
-}
-
-static int compare_floats(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
 }
 
 static double figure(const tsuya_json *figures, const char *key) { return tsuya_json_number_or(tsuya_json_member(figures, key), NAN); }
@@ -61,30 +55,15 @@ static void write_table(tsuya_report *report, const tsuya_json *figures)
     tsuya_html_raw(&report->html, "</tr></table>\n");
 }
 
-/* A number per vertex where threads were seen, on clay, between the 2 % and 98 % quantiles of those. */
+/* A number per vertex where threads were seen, on clay. */
 static tsuya_status show_map(tsuya_report *report, const float *value, int stride, const char *title)
 {
-    const tsuya_mesh *mesh = &report->mesh;
-    tsuya_status status = TSUYA_OK;
-    float *map = NULL, *sorted = NULL;
-    size_t n = 0;
-    TSUYA_NEW(status, map, mesh->vertex_count);
-    TSUYA_NEW(status, sorted, mesh->vertex_count);
-    for (size_t v = 0; v < mesh->vertex_count; v++) {
-        bool seen = mesh->weave_confidence[v] >= 0.5f;
-        map[v] = seen ? value[v * (size_t)stride] : NAN;
-        if (seen) {
-            sorted[n++] = map[v];
-        }
+    tsuya_weave_map map;
+    tsuya_status status = tsuya_weave_map_create(&map, &report->mesh, value, stride);
+    if (status == TSUYA_OK && map.seen > 0) {
+        tsuya_report_values(report, map.value, title, map.low, map.high);
     }
-    qsort(sorted, n, sizeof *sorted, compare_floats);
-    double low = n > 0 ? (double)sorted[n / 50] : 0.0, high = n > 0 ? (double)sorted[n - 1 - n / 50] : 0.0;
-    if (n > 0) {
-        tsuya_report_values(report, map, title, low, high > low ? high : low + 1.0);
-    }
-done:
-    tsuya_free(map);
-    tsuya_free(sorted);
+    tsuya_free(map.value);
     return status;
 }
 

@@ -95,7 +95,7 @@ tsuya_status tsuya_field_figures(tsuya_weave_mesh_info *info, const tsuya_field_
     tsuya_status status = TSUYA_OK;
     size_t n = 0, count = f->mesh->vertex_count;
     float *weft = NULL, *warp = NULL, *shear = NULL;
-    *info = (tsuya_weave_mesh_info){.photos = f->votes->photos, .patches = f->votes->patches, .threads_seen = f->threads_seen};
+    *info = (tsuya_weave_mesh_info){.photos = f->votes->photos, .patches = f->votes->patches, .threads_seen = f->threads_seen, .weft_told = f->weft_told};
     TSUYA_NEW(status, weft, count);
     TSUYA_NEW(status, warp, count);
     TSUYA_NEW(status, shear, count);
@@ -128,6 +128,7 @@ void tsuya_weave_mesh_info_to_json(tsuya_json *figures, const tsuya_weave_mesh_i
     tsuya_json_set_number(figures, "covered_fraction", info->covered_fraction);
     tsuya_json_set_number(figures, "textured_fraction", info->textured_fraction);
     tsuya_json_set_bool(figures, "threads_seen", info->threads_seen);
+    tsuya_json_set_text(figures, "weft_told_by", tsuya_weft_told_name(info->weft_told));
     tsuya_json_set_number(figures, "singularities", info->singularities);
     tsuya_json *list = tsuya_json_set_array(figures, "singularity_list");
     for (int i = 0; i < info->singularities; i++) {

@@ -13,6 +13,7 @@ typedef struct tsuya_field_view {
     const float *weft_rad;   /* in each vertex's tangent basis */
     const float *edge_scale; /* one a graph entry: less than ½ over seams; NULL: no seams */
     bool threads_seen;
+    tsuya_weft_told weft_told;
 } tsuya_field_view;
 
 /* `info` is the caller's, tsuya_weave_mesh_info_free. */

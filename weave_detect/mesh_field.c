@@ -6,6 +6,7 @@
 #include "weave_detect/field_figures.h"
 #include "weave_detect/smooth.h"
 #include "weave_detect/spanning.h"
+#include "weave_detect/weft_hints.h"
 
 #include <string.h>
 
@@ -42,6 +43,7 @@ typedef struct field {
     size_t edge_count;
     float *weft_rad, *warp_rad;
     bool threads_seen;
+    tsuya_weft_told weft_told;
 } field;
 
 static double area_scale(const field *f, size_t v)
@@ -169,22 +171,27 @@ static double angle_of(const field *f, size_t v, tsuya_vec3 direction, double *l
     return atan2(y, x);
 }
 
-/* What speaks for the first axis of a vertex's cross being the weft: the user's direction, else the coarser threads (a warp is
- * usually the denser), else the horizontal. */
-static double weft_hint(const field *f, size_t v)
+/* What speaks for the first axis of a vertex's cross (or, `turned`, for the second) being the weft. */
+static void add_hints(tsuya_weft_hints *h, const field *f, size_t v, bool turned)
 {
     const tsuya_evidence *e = &f->evidence[v];
-    double angle = (double)f->weft_rad[v], length, weight = (double)e->weight * (double)f->graph.area[v];
+    double angle = (double)f->weft_rad[v] + (turned ? 0.5 * M_PI : 0.0), length, weight = (double)e->weight * (double)f->graph.area[v];
     if (f->options->has_weft) {
         double wanted = angle_of(f, v, f->options->weft, &length);
-        return weight * length * cos(2.0 * (wanted - angle));
+        h->user += weight * length * cos(2.0 * (wanted - angle));
     }
     double ratio = (double)e->period_a > 0.0 ? (double)e->period_b / (double)e->period_a : 1.0;
-    int first = nearer_family(e, angle);
-    ratio = first ? 1.0 / fmax(ratio, 1e-9) : ratio; /* period of the second axis over that of the first */
-    double count = ratio > PERIODS_DIFFER ? -1.0 : ratio < 1.0 / PERIODS_DIFFER ? 1.0 : 0.0;
+    ratio = nearer_family(e, angle) ? 1.0 / fmax(ratio, 1e-9) : ratio; /* period of the second axis over that of the first */
+    h->count += ratio > PERIODS_DIFFER ? -weight : ratio < 1.0 / PERIODS_DIFFER ? weight : 0.0;
+    h->count_weight += weight;
+    tsuya_vec3 along;
+    if (tsuya_rim_direction(&along, f->mesh, &f->graph, v)) {
+        double rim = angle_of(f, v, along, &length);
+        h->rim += weight * tsuya_rim_hint(angle - rim, tsuya_vec3_dot(along, f->votes.up));
+        h->rim_weight += weight;
+    }
     double upright = angle_of(f, v, f->votes.up, &length);
-    return weight * (10.0 * count - 0.1 * length * cos(2.0 * (upright - angle)));
+    h->level -= weight * length * cos(2.0 * (upright - angle));
 }
 
 /* Labels: every vertex's weft axis out of its cross, the same family all over a connected piece. */
@@ -192,21 +199,27 @@ static tsuya_status label(field *f)
 {
     size_t n = f->mesh->vertex_count;
     tsuya_status status = TSUYA_OK;
-    double *hint = NULL;
+    tsuya_weft_hints *hints = NULL;
     set_angles(f->weft_rad, f->z, 4, n);
     list_edges(f, f->weft_rad, 0.5 * M_PI);
     TSUYA_GOTO_DONE(status, tsuya_spanning_choices(f->choice, f->root, f->edge, f->edge_count, n));
-    TSUYA_NEW(status, hint, n);
+    TSUYA_NEW(status, hints, n);
+    double most = 0.0;
     for (size_t v = 0; v < n; v++) {
-        hint[f->root[v]] += (f->choice[v] ? -1.0 : 1.0) * weft_hint(f, v);
+        hints[f->root[v]].has_user = f->options->has_weft;
+        add_hints(&hints[f->root[v]], f, v, f->choice[v]);
     }
     for (size_t v = 0; v < n; v++) {
-        bool turned = f->choice[v] ^ (hint[f->root[v]] < 0.0);
+        tsuya_weft_told told;
+        const tsuya_weft_hints *h = &hints[f->root[v]];
+        bool turned = f->choice[v] ^ tsuya_weft_decide(&told, h);
         f->weft_rad[v] += turned ? (float)(0.5 * M_PI) : 0.0f;
         f->warp_rad[v] = f->weft_rad[v] + (float)(0.5 * M_PI);
+        f->weft_told = h->count_weight > most ? told : f->weft_told;
+        most = fmax(most, h->count_weight);
     }
 done:
-    tsuya_free(hint);
+    tsuya_free(hints);
     return status;
 }
 
@@ -351,7 +364,7 @@ tsuya_status tsuya_weave_mesh(tsuya_mesh *mesh, tsuya_weave_mesh_info *info, con
     merge_all(&f);
     TSUYA_GOTO_DONE(status, solve(&f));
     write_field(&f);
-    tsuya_field_view view = {mesh, &f.graph, &f.votes, f.evidence, f.weft_rad, f.edge_scale, f.threads_seen};
+    tsuya_field_view view = {mesh, &f.graph, &f.votes, f.evidence, f.weft_rad, f.edge_scale, f.threads_seen, f.weft_told};
     TSUYA_GOTO_DONE(status, tsuya_field_figures(info, &view));
     info->seconds = tsuya_clock_s() - begin;
 done:

@@ -13,6 +13,7 @@
 #include "core/context.h"
 #include "core/json.h"
 #include "core/mesh.h"
+#include "weave_detect/threads.h"
 
 typedef struct tsuya_weave_mesh_options {
     const char *workspace; /* COLMAP's dense folder: images/, sparse/ (masks/ is used where it is there) */
@@ -39,6 +40,7 @@ typedef struct tsuya_weave_mesh_info {
     double textured_fraction;/* of the area: votes of threads or texture; the rest inherits */
     int singularities;       /* of the smoothed field; rims and seams hold none */
     tsuya_weave_singularity *singularity; /* by the triangles' order; tsuya_weave_mesh_info_free */
+    tsuya_weft_told weft_told; /* of the largest connected piece */
     bool threads_seen;       /* false: the field follows texture and folds */
     double threads_per_m_weft, threads_per_m_warp; /* medians, per unit of the mesh; NaN where none were seen */
     double shear_deg_median, shear_deg_p90;        /* |angle between the families − 90°|; NaN where none were seen */

@@ -14,7 +14,7 @@ const char *tsuya_weave_kind_name(tsuya_weave_kind kind)
 
 const char *tsuya_weft_told_name(tsuya_weft_told told)
 {
-    static const char *const names[] = {"unknown", "user", "thread count"};
+    static const char *const names[] = {"unknown", "user", "thread count", "hem"};
     return names[told];
 }
 

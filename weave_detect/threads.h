@@ -15,11 +15,12 @@ typedef enum tsuya_weave_kind {
     TSUYA_WEAVE_SATIN,
 } tsuya_weave_kind;
 
-/* What said which family is the weft.  Of the threads alone, only their counts do: a warp is usually the denser. */
+/* What said which family is the weft.  Of the threads alone only their counts do, for a warp is usually the denser. */
 typedef enum tsuya_weft_told {
     TSUYA_WEFT_UNKNOWN, /* the family nearer to the horizontal, which is a name and no finding */
     TSUYA_WEFT_USER,
     TSUYA_WEFT_COUNT,
+    TSUYA_WEFT_HEM, /* of a surface: its rims */
 } tsuya_weft_told;
 
 typedef struct tsuya_thread_family {
@@ -40,7 +41,7 @@ typedef struct tsuya_threads {
 
 TSUYA_API const char *tsuya_weave_kind_name(tsuya_weave_kind kind); /* "unknown", "plain", "twill", "satin" */
 
-TSUYA_API const char *tsuya_weft_told_name(tsuya_weft_told told); /* "unknown", "user", "thread count" */
+TSUYA_API const char *tsuya_weft_told_name(tsuya_weft_told told); /* "unknown", "user", "thread count", "hem" */
 
 /* Angle into [0, π). */
 TSUYA_API double tsuya_line_wrap(double angle_rad);

@@ -6,6 +6,7 @@
 #include "weave_detect/smooth.h"
 #include "weave_detect/spanning.h"
 #include "weave_detect/votes.h"
+#include "weave_detect/weft_hints.h"
 
 #include <math.h>
 
@@ -165,7 +166,7 @@ static void test_singularities_are_placed(void **state)
             double turned = angle_of(&mesh, v, (tsuya_vec3){cos(angle), sin(angle), 0});
             weft_rad[v] = (float)(turned + 0.5 * M_PI * (double)(v % 2)); /* families may change places */
         }
-        tsuya_field_view view = {&mesh, &graph, &votes, evidence, weft_rad, NULL, true};
+        tsuya_field_view view = {&mesh, &graph, &votes, evidence, weft_rad, NULL, true, TSUYA_WEFT_UNKNOWN};
         assert_ok(tsuya_field_figures(&info, &view));
         int sum = 0;
         for (int i = 0; i < info.singularities; i++) { /* a half turn may be seen as two quarters side by side */
@@ -180,11 +181,57 @@ static void test_singularities_are_placed(void **state)
     tsuya_mesh_free(&mesh);
 }
 
+/* A sheet's sides are level or upright rims, its corners none; families askew to a rim say nothing. */
+static void test_rims_tell_the_weft(void **state)
+{
+    (void)state;
+    tsuya_mesh mesh;
+    tsuya_mesh_graph graph;
+    const tsuya_vec3 up = {0, 1, 0};
+    make_sheet(&mesh, 0.0);
+    assert_ok(tsuya_mesh_graph_create(&graph, &mesh));
+    for (size_t v = 0; v < SIDE * SIDE; v++) {
+        tsuya_vec3 along;
+        size_t i = v % SIDE, j = v / SIDE;
+        bool upright = i == 0 || i == SIDE - 1, level = j == 0 || j == SIDE - 1;
+        assert_true(tsuya_rim_direction(&along, &mesh, &graph, v) == (upright != level));
+        if (upright != level) {
+            double rim = angle_of(&mesh, v, along), first = angle_of(&mesh, v, (tsuya_vec3){1, 0, 0}); /* the first family is the level one */
+            double cosine = tsuya_vec3_dot(along, up);
+            assert_float_equal(tsuya_rim_hint(first - rim, cosine), 1.0, 0.0);
+            assert_float_equal(tsuya_rim_hint(first - rim + 0.5 * M_PI, cosine), -1.0, 0.0);
+            assert_float_equal(tsuya_rim_hint(first - rim + 0.6, cosine), 0.0, 0.0);
+        }
+    }
+    assert_float_equal(tsuya_rim_hint(0.0, 0.6), 0.0, 0.0);
+    tsuya_mesh_graph_free(&graph);
+    tsuya_mesh_free(&mesh);
+}
+
+static void test_what_names_the_weft(void **state)
+{
+    (void)state;
+    tsuya_weft_told told;
+    tsuya_weft_hints h = {.count = -0.1, .count_weight = 1.0, .rim = 0.1, .rim_weight = 1.0, .level = 20.0, .user = -1.0};
+    assert_false(tsuya_weft_decide(&told, &h));
+    assert_int_equal(told, TSUYA_WEFT_UNKNOWN);
+    h.rim = -0.8;
+    assert_true(tsuya_weft_decide(&told, &h));
+    assert_int_equal(told, TSUYA_WEFT_HEM);
+    h.count = 0.9;
+    assert_false(tsuya_weft_decide(&told, &h));
+    assert_int_equal(told, TSUYA_WEFT_COUNT);
+    h.has_user = true;
+    assert_true(tsuya_weft_decide(&told, &h));
+    assert_int_equal(told, TSUYA_WEFT_USER);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_transport_keeps_a_parallel_field), cmocka_unit_test(test_smoothing_fills_from_two_ends),
         cmocka_unit_test(test_threads_do_not_change_the_smoothing), cmocka_unit_test(test_choices_follow_the_surest_edges),
+        cmocka_unit_test(test_rims_tell_the_weft), cmocka_unit_test(test_what_names_the_weft),
         cmocka_unit_test(test_singularities_are_placed),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
