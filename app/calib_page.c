@@ -179,8 +179,8 @@ static void lenses(page *p)
                              "<th class=\"n\">Cross-validation p90, px</th><th class=\"n\">at infinity, px</th></tr>\n");
     for (int i = 0; i < c->trials; i++) {
         const tsuya_calibrate_trial *t = &c->trial[i];
-        tsuya_html_raw(&p->html, "<tr><td>%s%s%s</td><td class=\"n\">%.4f</td><td class=\"n\">%.4f</td><td class=\"n\">%.3f</td><td class=\"n\">%.3f</td></tr>\n",
-                       i == c->chosen ? "<b>" : "", tsuya_lens_name(t->lens), i == c->chosen ? "</b>, chosen" : "", t->rms_px, t->heldout_px, t->cross.p90,
+        tsuya_html_raw(&p->html, "<tr><td>%s%s%s%s</td><td class=\"n\">%.4f</td><td class=\"n\">%.4f</td><td class=\"n\">%.3f</td><td class=\"n\">%.3f</td></tr>\n",
+                       i == c->chosen ? "<b>" : "", tsuya_lens_name(t->lens), t->bent ? ", bent plates" : "", i == c->chosen ? "</b>, chosen" : "", t->rms_px, t->heldout_px, t->cross.p90,
                        t->cross_infinity.p90);
     }
     tsuya_html_raw(&p->html, "</table></section>\n");
@@ -188,10 +188,22 @@ static void lenses(page *p)
 
 static void plates(page *p)
 {
+    const tsuya_solve *s = &p->c->solve;
+    tsuya_html_raw(&p->html, "<section><h2>Plates as they are</h2><p class=\"lead\">%s</p><table><tr><th>Plate</th><th class=\"n\">Tags larger by</th><th class=\"n\">Bend along x</th>"
+                             "<th class=\"n\">along y</th><th class=\"n\">Twist</th></tr>\n",
+                   s->bent ? "Height of the middle over the edges, and of the corners over the middle by the twist." : "Taken as flat: bends would not lower the held-out error.");
+    for (int i = 0; i < s->board->plate_count; i++) {
+        const tsuya_plate_shape *q = &s->shape[i];
+        tsuya_html_raw(&p->html, "<tr><td>");
+        tsuya_html_text(&p->html, s->board->plate[i].name);
+        tsuya_html_raw(&p->html, "</td><td class=\"n\">%.2f %%</td><td class=\"n\">%.2f mm</td><td class=\"n\">%.2f mm</td><td class=\"n\">%.2f mm</td></tr>\n", 100.0 * q->growth,
+                       1e3 * q->bend_m[0], 1e3 * q->bend_m[1], 1e3 * q->bend_m[2]);
+    }
+    tsuya_html_raw(&p->html, "</table></section>\n");
     if (p->c->plates == 0) {
         return;
     }
-    tsuya_html_raw(&p->html, "<section><h2>Plates</h2><table><tr><th>Plate</th><th>against</th><th class=\"n\">Photographs</th><th class=\"n\">Angle</th>"
+    tsuya_html_raw(&p->html, "<section><h2>Plates against each other</h2><table><tr><th>Plate</th><th>against</th><th class=\"n\">Photographs</th><th class=\"n\">Angle</th>"
                              "<th class=\"n\">Distance of the origins</th><th></th></tr>\n");
     for (int i = 0; i < p->c->plates; i++) {
         const tsuya_calibrate_plate *q = &p->c->plate[i];

@@ -108,7 +108,8 @@ static void copy_marks(tsuya_solve *part, const tsuya_solve *all)
         o->pixel = a->pixel;
     }
     part->edge_bias = all->edge_bias;
-    memcpy(part->tag_growth, all->tag_growth, (size_t)all->board->plate_count * sizeof *all->tag_growth);
+    part->bent = all->bent;
+    memcpy(part->shape, all->shape, (size_t)all->board->plate_count * sizeof *all->shape);
 }
 
 /* Squares of the half that is not in the fit. */
@@ -117,6 +118,7 @@ static tsuya_status held_out(double *squares, int *count, tsuya_solve *other, co
     take_poses(other, all);
     other->camera = fit->camera;
     copy_marks(other, all);
+    memcpy(other->shape, fit->shape, (size_t)all->board->plate_count * sizeof *fit->shape);
     TSUYA_TRY(tsuya_mrcal_optimize(other, TSUYA_MRCAL_POSES));
     for (int i = 0; i < other->observation_count; i++) {
         const tsuya_solve_observation *o = &other->observation[i];
@@ -137,7 +139,7 @@ static tsuya_status cross_validate(tsuya_calibrate_trial *trial, tsuya_projectio
     for (int k = 0; k < 2; k++) {
         take_poses(&h->solve[k], all);
         copy_marks(&h->solve[k], all);
-        TSUYA_TRY(tsuya_mrcal_optimize(&h->solve[k], TSUYA_MRCAL_ALL));
+        TSUYA_TRY(tsuya_solve_again(&h->solve[k]));
     }
     for (int k = 0; k < 2; k++) {
         TSUYA_TRY(held_out(&squares, &count, &h->other[k], &h->solve[k], all));
@@ -153,22 +155,23 @@ static tsuya_status cross_validate(tsuya_calibrate_trial *trial, tsuya_projectio
 
 /* Solutions of the trials are kept, so that the chosen one need not be solved again. */
 typedef struct memory {
-    tsuya_solve_view *view[TSUYA_CALIB_LENSES];
-    tsuya_solve_observation *observation[TSUYA_CALIB_LENSES];
-    tsuya_camera camera[TSUYA_CALIB_LENSES];
-    double variance[TSUYA_CALIB_LENSES], rms[TSUYA_CALIB_LENSES];
-    int outliers[TSUYA_CALIB_LENSES];
-    double *photo_sigma[TSUYA_CALIB_LENSES], *growth[TSUYA_CALIB_LENSES], bias[TSUYA_CALIB_LENSES];
-    tsuya_projection_map cross[TSUYA_CALIB_LENSES], cross_infinity[TSUYA_CALIB_LENSES];
+    tsuya_solve_view *view[TSUYA_CALIB_TRIALS];
+    tsuya_solve_observation *observation[TSUYA_CALIB_TRIALS];
+    tsuya_camera camera[TSUYA_CALIB_TRIALS];
+    double variance[TSUYA_CALIB_TRIALS], rms[TSUYA_CALIB_TRIALS];
+    int outliers[TSUYA_CALIB_TRIALS];
+    double *photo_sigma[TSUYA_CALIB_TRIALS], bias[TSUYA_CALIB_TRIALS];
+    tsuya_plate_shape *shape[TSUYA_CALIB_TRIALS];
+    tsuya_projection_map cross[TSUYA_CALIB_TRIALS], cross_infinity[TSUYA_CALIB_TRIALS];
 } memory;
 
 static void memory_free(memory *m)
 {
-    for (int i = 0; i < TSUYA_CALIB_LENSES; i++) {
+    for (int i = 0; i < TSUYA_CALIB_TRIALS; i++) {
         tsuya_free(m->view[i]);
         tsuya_free(m->observation[i]);
         tsuya_free(m->photo_sigma[i]);
-        tsuya_free(m->growth[i]);
+        tsuya_free(m->shape[i]);
         tsuya_projection_map_free(&m->cross[i]);
         tsuya_projection_map_free(&m->cross_infinity[i]);
     }
@@ -180,8 +183,8 @@ static tsuya_status keep(memory *m, int i, const tsuya_solve *s)
     TSUYA_NEW(status, m->view[i], (size_t)s->view_count);
     TSUYA_NEW(status, m->observation[i], (size_t)s->observation_count);
     TSUYA_NEW(status, m->photo_sigma[i], (size_t)s->photo_count);
-    TSUYA_NEW(status, m->growth[i], (size_t)s->board->plate_count);
-    memcpy(m->growth[i], s->tag_growth, (size_t)s->board->plate_count * sizeof *s->tag_growth);
+    TSUYA_NEW(status, m->shape[i], (size_t)s->board->plate_count);
+    memcpy(m->shape[i], s->shape, (size_t)s->board->plate_count * sizeof *s->shape);
     memcpy(m->view[i], s->view, (size_t)s->view_count * sizeof *s->view);
     memcpy(m->observation[i], s->observation, (size_t)s->observation_count * sizeof *s->observation);
     memcpy(m->photo_sigma[i], s->photo_sigma_px, (size_t)s->photo_count * sizeof *s->photo_sigma_px);
@@ -199,7 +202,7 @@ static void take_back(tsuya_solve *s, const memory *m, int i)
     memcpy(s->view, m->view[i], (size_t)s->view_count * sizeof *s->view);
     memcpy(s->observation, m->observation[i], (size_t)s->observation_count * sizeof *s->observation);
     memcpy(s->photo_sigma_px, m->photo_sigma[i], (size_t)s->photo_count * sizeof *s->photo_sigma_px);
-    memcpy(s->tag_growth, m->growth[i], (size_t)s->board->plate_count * sizeof *s->tag_growth);
+    memcpy(s->shape, m->shape[i], (size_t)s->board->plate_count * sizeof *s->shape);
     s->edge_bias = m->bias[i];
     s->camera = m->camera[i];
     s->variance = m->variance[i];
@@ -211,7 +214,7 @@ static tsuya_status try_lens(tsuya_calibration *c, memory *m, halves *h, tsuya_l
 {
     int i = c->trials++;
     tsuya_calibrate_trial *trial = &c->trial[i];
-    *trial = (tsuya_calibrate_trial){.lens = lens, .heldout_px = NAN, .cross = {NAN, NAN, NAN}, .cross_infinity = {NAN, NAN, NAN}};
+    *trial = (tsuya_calibrate_trial){.lens = lens, .bent = c->solve.bent, .heldout_px = NAN, .cross = {NAN, NAN, NAN}, .cross_infinity = {NAN, NAN, NAN}};
     TSUYA_TRY(tsuya_solve_lens(&c->solve, lens));
     trial->rms_px = c->solve.rms_px;
     TSUYA_TRY(keep(m, i, &c->solve));
@@ -258,6 +261,24 @@ static void choose(tsuya_calibration *c, const tsuya_calibrate_options *options)
         snprintf(c->reason, sizeof c->reason, "%s: no lens cross-validates within %.2g px; this one has the smallest held-out error (p90 %.3f px)", name,
                  options->tolerance_px, t->cross.p90);
     }
+}
+
+/* The chosen lens with plates that may be bent: taken where it lowers the held-out error as a larger lens would have to. */
+static tsuya_status try_bent(tsuya_calibration *c, memory *m, halves *h, const tsuya_calibrate_options *options)
+{
+    const tsuya_calibrate_trial *flat = &c->trial[c->chosen], *bent = &c->trial[c->trials];
+    take_back(&c->solve, m, c->chosen);
+    c->solve.bent = true;
+    TSUYA_TRY(try_lens(c, m, h, flat->lens));
+    bool agrees = !(bent->cross.p90 > options->tolerance_px);
+    c->solve.bent = bent->heldout_px < (1.0 - WORTH) * flat->heldout_px && (agrees || !c->cross_validates);
+    if (c->solve.bent) {
+        size_t used = strlen(c->reason);
+        snprintf(c->reason + used, sizeof c->reason - used, "; the plates are not flat: with their bends the held-out error is %.3f px", bent->heldout_px);
+        c->cross_validates = agrees && isfinite(bent->cross.p90);
+        c->chosen = c->trials - 1;
+    }
+    return TSUYA_OK;
 }
 
 static tsuya_status try_lenses(tsuya_calibration *c, memory *m, halves *h, const tsuya_calibrate_options *options, const tsuya_context *context)
@@ -422,6 +443,9 @@ static tsuya_status calibrate(tsuya_calibration *c, memory *m, halves *h, const 
         c->photos_used += v == 0 || c->solve.view[v].photo != c->solve.view[v - 1].photo;
     }
     TSUYA_TRY(try_lenses(c, m, h, options, context));
+    if (h->there) {
+        TSUYA_TRY(try_bent(c, m, h, options));
+    }
     take_back(&c->solve, m, c->chosen);
     c->cross = m->cross[c->chosen];
     c->cross_infinity = m->cross_infinity[c->chosen];

@@ -9,7 +9,7 @@
 #include "core/context.h"
 #include "core/json.h"
 
-enum { TSUYA_CALIB_LENSES = 5, TSUYA_CALIB_ADVICE = 8 };
+enum { TSUYA_CALIB_LENSES = 5, TSUYA_CALIB_TRIALS = TSUYA_CALIB_LENSES + 1, TSUYA_CALIB_ADVICE = 8 };
 
 typedef struct tsuya_calibrate_options {
     double tolerance_px;  /* two halves of the photographs agree within this (p90) */
@@ -22,6 +22,7 @@ TSUYA_API tsuya_calibrate_options tsuya_calibrate_options_default(void);
 /* How one lens did. */
 typedef struct tsuya_calibrate_trial {
     tsuya_lens lens;
+    bool bent;            /* plates may be bent */
     double rms_px;
     double heldout_px;    /* corners of one half through the camera of the other; NaN without halves */
     tsuya_projection_stats cross, cross_infinity;
@@ -38,10 +39,10 @@ typedef struct tsuya_calibration {
     tsuya_solve solve;
     tsuya_covariance covariance;
     double distance_m;            /* median from camera to plate */
-    tsuya_calibrate_trial trial[TSUYA_CALIB_LENSES];
+    tsuya_calibrate_trial trial[TSUYA_CALIB_TRIALS]; /* flat plates, then the chosen lens with bent ones */
     int trials, chosen;
     bool cross_validates;
-    char reason[256];             /* of the choice */
+    char reason[384];             /* of the choice */
     tsuya_projection_map sigma, sigma_infinity, cross, cross_infinity; /* cross: empty (cols 0) without halves */
     tsuya_calibrate_plate *plate; /* plate_count − 1 of the board; owned */
     int plates, photos_used;

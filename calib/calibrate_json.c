@@ -35,6 +35,18 @@ static void set_plates(tsuya_json *object, const tsuya_calibration *c)
     }
 }
 
+/* How the plates differ from their file. */
+static void set_shapes(tsuya_json *object, const tsuya_solve *s)
+{
+    tsuya_json *shapes = tsuya_json_set_array(object, "plate_shapes");
+    for (int p = 0; p < s->board->plate_count; p++) {
+        tsuya_json *o = tsuya_json_add_object(shapes);
+        tsuya_json_set_text(o, "name", s->board->plate[p].name);
+        tsuya_json_set_number(o, "tag_growth", s->shape[p].growth);
+        tsuya_json_set_numbers(o, "bend_m", s->shape[p].bend_m, TSUYA_BENDS);
+    }
+}
+
 static void set_trials(tsuya_json *object, const tsuya_calibration *c)
 {
     tsuya_json *lenses = tsuya_json_set_array(object, "lenses");
@@ -42,6 +54,7 @@ static void set_trials(tsuya_json *object, const tsuya_calibration *c)
         const tsuya_calibrate_trial *t = &c->trial[i];
         tsuya_json *o = tsuya_json_add_object(lenses);
         tsuya_json_set_text(o, "model", tsuya_lens_name(t->lens));
+        tsuya_json_set_bool(o, "bent_plates", t->bent);
         tsuya_json_set_number(o, "rms_px", t->rms_px);
         tsuya_json_set_number(o, "heldout_px", t->heldout_px);
         tsuya_json_set_number(o, "cross_validation_p90_px", t->cross.p90);
@@ -127,7 +140,7 @@ void tsuya_calibration_to_json(tsuya_json *object, const tsuya_calibration *c, c
     tsuya_json_set_number(object, "distance_m", c->distance_m);
     set_plates(object, c);
     tsuya_json_set_number(object, "edge_bias", c->solve.edge_bias);
-    tsuya_json_set_numbers(object, "tag_growth", c->solve.tag_growth, c->solve.board->plate_count);
+    set_shapes(object, &c->solve);
     tsuya_json_set_text(object, "reason", c->reason);
     tsuya_json *advice = tsuya_json_set_array(object, "advice");
     for (int i = 0; i < c->advice_count; i++) {

@@ -8,12 +8,12 @@
 
 enum { POSE = 6, FEWEST_CLUSTERS = 4 };
 /* A part that alone determines a direction says nothing about its error. */
-static const double MOST_LEVERAGE = 0.9, BIAS_PRIOR = 0.5, GROWTH_PRIOR = 0.01;
+static const double MOST_LEVERAGE = 0.9, BIAS_PRIOR = 0.5;
 
-/* The reduced problem: g global parameters (intrinsics, bias, growths). */
+/* The reduced problem: g global parameters (intrinsics, bias, shapes). */
 typedef struct reduced {
     const tsuya_solve *solve;
-    int n, g;
+    int n, g, shapes;   /* shapes: parameters of each plate's shape */
     double *h;          /* g × g, the sum with the priors; later its Cholesky factor */
     double *view_h;     /* g × g a view */
     double *view_score; /* g a view */
@@ -38,7 +38,7 @@ static tsuya_status allocate(reduced *r, const tsuya_solve *s)
 {
     tsuya_status status = TSUYA_OK;
     int n = tsuya_lens_parameters(s->camera.lens);
-    *r = (reduced){.solve = s, .n = n, .g = n + 1 + s->board->plate_count};
+    *r = (reduced){.solve = s, .n = n, .shapes = tsuya_solve_shape_parameters(s), .g = n + 1 + tsuya_solve_shape_parameters(s) * s->board->plate_count};
     size_t g = (size_t)r->g, views = (size_t)s->view_count, photos = (size_t)s->photo_count;
     TSUYA_NEW(status, r->h, g * g);
     TSUYA_NEW(status, r->view_h, g * g * views);
@@ -64,15 +64,18 @@ static bool corner_row(double pose[2][POSE], double residual[2], reduced *r, con
 {
     const tsuya_solve *s = r->solve;
     const tsuya_solve_view *view = &s->view[o->view];
-    tsuya_vec3 on_plate = tsuya_solve_point(s, o->tag, o->corner), opposite = tsuya_solve_point(s, o->tag, (o->corner + 2) % 4);
-    tsuya_vec3 arm = tsuya_mat3_apply(view->camera_from_plate.rotation, tsuya_vec3_scale(tsuya_vec3_sub(on_plate, opposite), 0.5));
-    tsuya_vec3 turned = tsuya_mat3_apply(view->camera_from_plate.rotation, on_plate), p = tsuya_vec3_add(turned, view->camera_from_plate.translation);
+    tsuya_vec3 turned = tsuya_mat3_apply(view->camera_from_plate.rotation, tsuya_solve_point(s, o->tag, o->corner)), arm[TSUYA_SHAPE_PARAMETERS];
+    tsuya_vec3 p = tsuya_vec3_add(turned, view->camera_from_plate.translation);
     double by_point[6], by_intrinsics[2 * TSUYA_INTRINSICS_MOST], w = 1.0 / o->weight_sigma_px;
     tsuya_vec2 q;
     if (o->outlier || !tsuya_mrcal_project(&q, by_point, by_intrinsics, &s->camera, p)) {
         return false;
     }
     memset(r->j, 0, 2 * (size_t)r->g * sizeof *r->j);
+    tsuya_plate_shape_gradient(arm, &s->shape[view->plate], s->board, o->tag, o->corner);
+    for (int i = 0; i < r->shapes; i++) {
+        arm[i] = tsuya_mat3_apply(view->camera_from_plate.rotation, arm[i]);
+    }
     for (int k = 0; k < 2; k++) {
         const double *d = by_point + 3 * k;
         double *j = r->j + k * r->g;
@@ -80,7 +83,9 @@ static bool corner_row(double pose[2][POSE], double residual[2], reduced *r, con
             j[i] = w * by_intrinsics[k * r->n + i];
         }
         j[r->n] = w * (k ? o->spread_px.y : o->spread_px.x);
-        j[r->n + 1 + view->plate] = w * (d[0] * arm.x + d[1] * arm.y + d[2] * arm.z) / (1.0 + s->tag_growth[view->plate]);
+        for (int i = 0; i < r->shapes; i++) {
+            j[r->n + 1 + r->shapes * view->plate + i] = w * (d[0] * arm[i].x + d[1] * arm[i].y + d[2] * arm[i].z);
+        }
         const double by[POSE] = {d[2] * turned.y - d[1] * turned.z, d[0] * turned.z - d[2] * turned.x, d[1] * turned.x - d[0] * turned.y, d[0], d[1], d[2]};
         for (int i = 0; i < POSE; i++) {
             pose[k][i] = w * by[i];
@@ -136,6 +141,18 @@ static bool reduce_view(reduced *r, int v)
     return true;
 }
 
+/* Of a parameter that is no intrinsic: one over the square of what is believed of it. */
+static double prior_weight(const reduced *r, int parameter)
+{
+    double sigma[TSUYA_SHAPE_PARAMETERS] = {BIAS_PRIOR};
+    int k = parameter - r->n - 1;
+    if (k >= 0) {
+        tsuya_plate_shape_prior(sigma, &r->solve->shape[k / r->shapes]);
+    }
+    double s = sigma[k >= 0 ? k % r->shapes : 0];
+    return 1.0 / (s * s);
+}
+
 static bool reduce(reduced *r)
 {
     int g = r->g, views = r->solve->view_count;
@@ -147,9 +164,8 @@ static bool reduce(reduced *r)
             r->h[i] += r->view_h[(size_t)v * g * g + i];
         }
     }
-    r->h[r->n * (g + 1)] += 1.0 / (BIAS_PRIOR * BIAS_PRIOR);
-    for (int p = r->n + 1; p < g; p++) {
-        r->h[p * (g + 1)] += 1.0 / (GROWTH_PRIOR * GROWTH_PRIOR);
+    for (int i = r->n; i < g; i++) {
+        r->h[i * (g + 1)] += prior_weight(r, i);
     }
     return tsuya_dense_cholesky(r->h, g);
 }
@@ -352,6 +368,35 @@ static void spread_out(tsuya_covariance *c, double *w, reduced *r, double varian
             }
         }
     }
+}
+
+/* What the parameter stands at. */
+static double standing(const reduced *r, int parameter)
+{
+    int k = parameter - r->n - 1;
+    const tsuya_plate_shape *shape = &r->solve->shape[k < 0 ? 0 : k / r->shapes];
+    return k < 0 ? r->solve->edge_bias : k % r->shapes ? shape->bend_m[k % r->shapes - 1] : shape->growth;
+}
+
+tsuya_status tsuya_covariance_step(double *step, bool *determined, const tsuya_solve *solve)
+{
+    reduced r;
+    TSUYA_TRY(allocate(&r, solve));
+    *determined = reduce(&r);
+    if (*determined) {
+        double *right = r.scratch;
+        for (int i = 0; i < r.g; i++) {
+            right[i] = i < r.n ? 0.0 : -prior_weight(&r, i) * standing(&r, i);
+            for (int v = 0; v < solve->view_count; v++) {
+                right[i] += r.view_score[v * r.g + i];
+            }
+        }
+        tsuya_dense_forward(r.h, right, r.g, 1);
+        tsuya_dense_backward(r.h, right, r.g, 1);
+        memcpy(step, right + r.n, (size_t)(r.g - r.n) * sizeof *step);
+    }
+    free_reduced(&r);
+    return TSUYA_OK;
 }
 
 tsuya_status tsuya_covariance_estimate(tsuya_covariance *c, const tsuya_solve *solve, bool clusters)

@@ -6,7 +6,7 @@
  * sandwich estimator, Liang & Zeger 1986; leverage as in Bell & McCaffrey 2002, "CR2"; two ways at once as in Cameron, Gelbach
  * & Miller 2011): by photograph, and by tag.  Where corners err independently both agree.
  *
- * Poses are eliminated view by view; what is left are the intrinsics, the edges' bias and the plates' growth, which the solve
+ * Poses are eliminated view by view; what is left are the intrinsics, the edges' bias and the plates' shapes, which the solve
  * estimates too. */
 #ifndef TSUYA_CALIB_COVARIANCE_H
 #define TSUYA_CALIB_COVARIANCE_H
@@ -20,6 +20,10 @@ typedef struct tsuya_covariance {
     double photo_factor;       /* sigma as photographs scatter over sigma as corners alone would have it, over all directions */
     double tag_factor;         /* what tags add to that, likewise (0: nothing that is told from chance) */
 } tsuya_covariance;
+
+/* Newton's step of what is neither camera nor pose, and moves in step with both: the edges' bias, then each plate's shape (calib/shape.h:
+ * growth, bends).  `determined` false, and no step, where the photographs do not determine the camera. */
+TSUYA_MUST_CHECK tsuya_status tsuya_covariance_step(double *step, bool *determined, const tsuya_solve *solve);
 
 /* `clusters` false: independent corners are taken for granted.  Fails where the photographs do not determine the camera. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_covariance_estimate(tsuya_covariance *covariance, const tsuya_solve *solve, bool clusters);

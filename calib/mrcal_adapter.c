@@ -258,7 +258,7 @@ bool tsuya_mrcal_project(tsuya_vec2 *pixel, double by_point[6], double *by_intri
     return isfinite(q.x) && isfinite(q.y);
 }
 
-/* A corner as an even grid would have it: without the tags' growth. */
+/* A corner as an even grid would have it: without the tags' growth, and without the twist that mrcal's warp lacks. */
 static void place_corner(tsuya_mrcal_board *b, const tsuya_solve *s, const tsuya_solve_observation *o, double typical_px)
 {
     const tsuya_board_plate *plate = &s->board->plate[0];
@@ -266,8 +266,10 @@ static void place_corner(tsuya_mrcal_board *b, const tsuya_solve *s, const tsuya
     double *out = b->observation + 3 * (((size_t)o->view * (size_t)b->rows + (size_t)y) * (size_t)b->cols + (size_t)x), by_point[6];
     tsuya_pose pose = s->view[o->view].camera_from_plate;
     tsuya_vec2 grown, even;
+    tsuya_plate_shape bent = s->shape[0];
+    bent.growth = bent.bend_m[2] = 0.0;
     if (o->outlier || !tsuya_mrcal_project(&grown, by_point, NULL, &s->camera, tsuya_pose_apply(pose, tsuya_solve_point(s, o->tag, o->corner))) ||
-        !tsuya_mrcal_project(&even, by_point, NULL, &s->camera, tsuya_pose_apply(pose, tsuya_board_corner(s->board, o->tag, o->corner)))) {
+        !tsuya_mrcal_project(&even, by_point, NULL, &s->camera, tsuya_pose_apply(pose, tsuya_plate_shape_corner(&bent, s->board, o->tag, o->corner)))) {
         return;
     }
     out[0] = o->pixel.x - grown.x + even.x;

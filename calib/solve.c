@@ -1,5 +1,6 @@
 #include "calib/solve.h"
 
+#include "calib/covariance.h"
 #include "calib/mrcal_adapter.h"
 #include "calib/planar.h"
 
@@ -75,7 +76,10 @@ tsuya_status tsuya_solve_create(tsuya_solve *solve, const tsuya_board *board, co
     *solve = (tsuya_solve){.board = board, .photo_count = corners->photo_count};
     TSUYA_NEW(status, solve->view, (size_t)corners->photo_count * (size_t)board->plate_count);
     TSUYA_NEW(status, solve->observation, (size_t)corners->count);
-    TSUYA_NEW(status, solve->tag_growth, (size_t)board->plate_count);
+    TSUYA_NEW(status, solve->shape, (size_t)board->plate_count);
+    for (int p = 0; p < board->plate_count; p++) {
+        solve->shape[p] = tsuya_plate_shape_flat(board, p);
+    }
     TSUYA_NEW(status, solve->photo_sigma_px, (size_t)corners->photo_count);
     for (int begin = 0, end; begin < corners->count; begin = end) {
         int photo = corners->corner[begin].photo;
@@ -103,16 +107,13 @@ void tsuya_solve_free(tsuya_solve *solve)
     tsuya_free(solve->view);
     tsuya_free(solve->observation);
     tsuya_free(solve->photo_sigma_px);
-    tsuya_free(solve->tag_growth);
+    tsuya_free(solve->shape);
     *solve = (tsuya_solve){0};
 }
 
 tsuya_vec3 tsuya_solve_point(const tsuya_solve *solve, int tag, int corner)
 {
-    const tsuya_board_tag *t = &solve->board->tag[tag];
-    const tsuya_vec2 *c = t->corner_m;
-    double x = 0.25 * (c[0].x + c[1].x + c[2].x + c[3].x), y = 0.25 * (c[0].y + c[1].y + c[2].y + c[3].y), s = 1.0 + solve->tag_growth[t->plate];
-    return (tsuya_vec3){x + s * (c[corner].x - x), y + s * (c[corner].y - y), 0.0};
+    return tsuya_plate_shape_corner(&solve->shape[solve->board->tag[tag].plate], solve->board, tag, corner);
 }
 
 /* Homography of every view from its observations' pixels, or from given image points. */
@@ -354,68 +355,38 @@ static tsuya_status mark_outliers(int *changed, tsuya_solve *s)
     return TSUYA_OK;
 }
 
-/* What a plate's growth does to a corner: the projected way from the tag's centre. */
-static bool growth_direction(tsuya_vec2 *d, const tsuya_solve *s, const tsuya_solve_observation *o)
+/* One step of the edges' bias and the plates' shapes, everything else moving with them.  Where the photographs do not determine
+ * the camera nothing moves: that is said later. */
+static tsuya_status step_shapes(tsuya_solve *s)
 {
-    tsuya_pose pose = s->view[o->view].camera_from_plate;
-    tsuya_vec3 p = tsuya_solve_point(s, o->tag, o->corner), opposite = tsuya_solve_point(s, o->tag, (o->corner + 2) % 4);
-    tsuya_vec2 q, r;
-    tsuya_vec3 middle = tsuya_vec3_scale(tsuya_vec3_add(p, opposite), 0.5);
-    if (!tsuya_camera_project(&s->camera, tsuya_pose_apply(pose, p), &q) || !tsuya_camera_project(&s->camera, tsuya_pose_apply(pose, middle), &r)) {
-        return false;
-    }
-    *d = (tsuya_vec2){q.x - r.x, q.y - r.y};
-    return true;
-}
-
-/* Sums of the least squares for the edges' bias (k = 0) and one plate's growth (k = 1). */
-typedef struct edge_sums { double h[2][2], g[2]; } edge_sums;
-
-static void add_edge(edge_sums *e, const tsuya_solve_observation *o, tsuya_vec2 growth)
-{
-    double w = 1.0 / (o->weight_sigma_px * o->weight_sigma_px);
-    tsuya_vec2 d[2] = {o->spread_px, growth};
-    for (int i = 0; i < 2; i++) {
-        e->g[i] += w * (d[i].x * o->residual_px.x + d[i].y * o->residual_px.y);
-        for (int k = 0; k < 2; k++) {
-            e->h[i][k] += w * (d[i].x * d[k].x + d[i].y * d[k].y);
-        }
-    }
-}
-
-/* One step of bias and growth.  Priors (half a blur width, one per cent) decide where the photographs do not: tags that are
- * all of one size in the image. */
-static tsuya_status step_edges(tsuya_solve *s)
-{
-    int plates = s->board->plate_count;
-    edge_sums *sum = tsuya_calloc((size_t)plates, sizeof *sum);
-    if (!sum) {
+    int each = tsuya_solve_shape_parameters(s), shapes = s->board->plate_count * each;
+    bool determined;
+    double *step = tsuya_calloc(1 + (size_t)shapes, sizeof *step);
+    if (!step) {
         return TSUYA_ERROR_MEMORY;
     }
-    for (int i = 0; i < s->observation_count; i++) {
-        tsuya_vec2 growth;
-        if (!s->observation[i].outlier && growth_direction(&growth, s, &s->observation[i])) {
-            add_edge(&sum[s->view[s->observation[i].view].plate], &s->observation[i], growth);
+    tsuya_status status = tsuya_covariance_step(step, &determined, s);
+    if (status == TSUYA_OK && determined) {
+        s->edge_bias += step[0];
+        for (int i = 0; i < shapes; i++) {
+            tsuya_plate_shape *shape = &s->shape[i / each];
+            int k = i % each;
+            *(k ? &shape->bend_m[k - 1] : &shape->growth) += step[1 + i];
         }
-    }
-    double h = 1.0 / 0.25, g = -s->edge_bias / 0.25;
-    for (int p = 0; p < plates; p++) {
-        sum[p].h[1][1] += 1.0 / 1e-4;
-        sum[p].g[1] -= s->tag_growth[p] / 1e-4;
-        h += sum[p].h[0][0] - sum[p].h[0][1] * sum[p].h[0][1] / sum[p].h[1][1];
-        g += sum[p].g[0] - sum[p].h[0][1] * sum[p].g[1] / sum[p].h[1][1];
-    }
-    double step = g / h;
-    s->edge_bias += step;
-    for (int p = 0; p < plates; p++) {
-        s->tag_growth[p] += (sum[p].g[1] - sum[p].h[0][1] * step) / sum[p].h[1][1];
     }
     for (int i = 0; i < s->observation_count; i++) {
         tsuya_solve_observation *o = &s->observation[i];
         o->pixel = (tsuya_vec2){o->seen.x - s->edge_bias * o->spread_px.x, o->seen.y - s->edge_bias * o->spread_px.y};
     }
-    tsuya_free(sum);
-    return TSUYA_OK;
+    tsuya_free(step);
+    return status;
+}
+
+tsuya_status tsuya_solve_again(tsuya_solve *s)
+{
+    TSUYA_TRY(tsuya_mrcal_optimize(s, TSUYA_MRCAL_ALL));
+    TSUYA_TRY(step_shapes(s));
+    return tsuya_mrcal_optimize(s, TSUYA_MRCAL_ALL);
 }
 
 tsuya_status tsuya_solve_lens(tsuya_solve *s, tsuya_lens lens)
@@ -430,9 +401,11 @@ tsuya_status tsuya_solve_lens(tsuya_solve *s, tsuya_lens lens)
         TSUYA_TRY(tsuya_mrcal_optimize(s, TSUYA_MRCAL_ALL));
         if (round < WEIGHT_ROUNDS) {
             TSUYA_TRY(reweigh(s));
-            TSUYA_TRY(step_edges(s));
         }
         TSUYA_TRY(mark_outliers(&changed, s));
+        if (round < WEIGHT_ROUNDS) {
+            TSUYA_TRY(step_shapes(s));
+        }
         if (round >= WEIGHT_ROUNDS && changed == 0) {
             return TSUYA_OK;
         }

@@ -7,13 +7,14 @@
  * corner's own fit cannot know), which is estimated from the residuals between the solves.  Blurred photographs therefore
  * count less and are not thrown away.
  *
- * Tags stand at known places, so a common displacement of all edges shows: one number a camera (in blur widths) and one a
- * plate (the tag's printed size) are estimated between the solves. */
+ * Tags stand at known places, so a common displacement of all edges shows: one number a camera (in blur widths) and, of each
+ * plate, its shape (calib/shape.h) are estimated between the solves, by the normal equations of calib/covariance.h. */
 #ifndef TSUYA_CALIB_SOLVE_H
 #define TSUYA_CALIB_SOLVE_H
 
 #include "calib/board.h"
 #include "calib/corners.h"
+#include "calib/shape.h"
 #include "core/camera.h"
 
 enum { TSUYA_INTRINSICS_MOST = 16 };
@@ -44,7 +45,8 @@ typedef struct tsuya_solve {
     int photo_count;          /* of the corner set */
     double *photo_sigma_px;   /* robust residual of each photograph, per coordinate; NaN where it has no view */
     double edge_bias;         /* edges lie this many blur widths too far out: what the tone curve and sharpening do */
-    double *tag_growth;       /* of each plate: printed tags are larger than the file says by this share of their edge */
+    tsuya_plate_shape *shape; /* of each plate */
+    bool bent;                /* bends are estimated; flat otherwise */
     double rms_px;            /* per coordinate, over what is no outlier */
     double variance;          /* of unit weight: 1 where sigmas are right */
     int outliers;
@@ -62,7 +64,11 @@ TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_solve_start(tsuya_solve *solve, do
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_solve_poses(tsuya_solve *solve, const tsuya_camera *camera);
 /* The whole solve for a lens, from a start or from a smaller lens' solution, with outliers and weights. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_solve_lens(tsuya_solve *solve, tsuya_lens lens);
+/* Camera, poses, edge bias and the plates' shapes from where the solve stands; weights and outliers stay. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_solve_again(tsuya_solve *solve);
 
+/* Parameters of each plate's shape that are free: the growth, and bends where they are estimated. */
+static inline int tsuya_solve_shape_parameters(const tsuya_solve *solve) { return solve->bent ? TSUYA_SHAPE_PARAMETERS : 1; }
 /* A tag's corner in its plate's frame, as the solve sees it. */
 TSUYA_API tsuya_vec3 tsuya_solve_point(const tsuya_solve *solve, int tag, int corner);
 

@@ -32,6 +32,7 @@ set(TSUYA_PUBLIC_HEADERS
   calib/mrcal_inputs.h
   calib/projection.h
   calib/refine.h
+  calib/shape.h
   calib/solve.h
   core/api.h
   core/camera.h

@@ -20,6 +20,7 @@ typedef struct corners_scene {
     double noise_px;      /* of a corner; every third photograph three times that */
     double common_px;     /* a smooth distortion of each photograph of its own (rolling shutter, waves in paper) */
     double bulge_m;       /* the board is bent */
+    double ripple_m;      /* and wavy */
     uint64_t seed, noise_seed; /* of the poses; of the errors */
 } corners_scene;
 
@@ -79,7 +80,7 @@ static inline void scene_corners(tsuya_corner_set *set, const corners_scene *s, 
         for (int k = 0; k < 4 * board->tag_count; k++) {
             tsuya_vec3 on = tsuya_board_corner(board, k / 4, k % 4);
             double u = (on.x - 0.12) / 0.12, v = (on.y - 0.12) / 0.12;
-            on.z = s->bulge_m * (1.0 - 0.5 * (u * u + v * v));
+            on.z = s->bulge_m * (1.0 - 0.5 * (u * u + v * v)) + s->ripple_m * sin(5.0 * u) * cos(4.0 * v);
             tsuya_vec2 q = scene_noise(s, p, k, scene_pixel(tsuya_pose_apply(pose, on)), sigma);
             if (q.x > 0 && q.y > 0 && q.x < SCENE_WIDTH - 1 && q.y < SCENE_HEIGHT - 1) {
                 assert_ok(tsuya_corner_set_add(set, (tsuya_corner){.photo = p, .tag_id = board->tag[k / 4].id, .corner = k % 4, .x_px = q.x,

@@ -123,7 +123,7 @@ static void test_euroc(void **state)
     tsuya_context context = tsuya_context_default();
     tsuya_calibrate_options options = tsuya_calibrate_options_default();
     tsuya_projection_map map;
-    tsuya_projection_stats near, far;
+    tsuya_projection_stats near, far, sigma, sigma_far;
     const tsuya_camera published = {.lens = TSUYA_LENS_OPENCV4, .width_px = 752, .height_px = 480, .fx_px = 458.654, .fy_px = 457.296, .cx_px = 367.215,
                                     .cy_px = 248.375, .distortion = {-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05}};
     grid_of_88(&board);
@@ -136,15 +136,39 @@ static void test_euroc(void **state)
     assert_ok(tsuya_projection_summary(&near, &map));
     assert_ok(tsuya_projection_difference(&map, NULL, &c.solve.camera, &published, INFINITY));
     assert_ok(tsuya_projection_summary(&far, &map));
-    printf("  against the published model: mean %.3f px at 1.2 m, %.3f px at infinity\n", near.mean, far.mean);
+    assert_ok(tsuya_projection_summary(&sigma, &c.sigma));
+    assert_ok(tsuya_projection_summary(&sigma_far, &c.sigma_infinity));
+    printf("  against the published model: mean %.3f px at 1.2 m, %.3f px at infinity; stated sigma, mean: %.3f at the boards, %.3f at infinity\n", near.mean, far.mean,
+           sigma.mean, sigma_far.mean);
     assert_true(c.solve.rms_px <= 0.364);
     assert_true(near.mean <= 0.5);
     assert_true(far.mean <= 1.0);
-    assert_true(tsuya_projection_center(&c.sigma_infinity) >= tsuya_projection_center(&c.sigma));
+    /* The stated sigma tells near from far as the difference does. */
+    assert_true(sigma_far.mean > sigma.mean && tsuya_projection_center(&c.sigma_infinity) > tsuya_projection_center(&c.sigma));
+    assert_near(sigma_far.mean / sigma.mean, far.mean / near.mean, 0.5 * far.mean / near.mean);
     tsuya_projection_map_free(&map);
     tsuya_calibration_free(&c);
     tsuya_corner_set_free(&corners);
     tsuya_board_free(&board);
+}
+
+/* RMS per coordinate of the mean residuals of tags whose four corners are used. */
+static double tag_means(const tsuya_solve *s)
+{
+    double squares = 0.0;
+    int count = 0;
+    for (int i = 0; i + 3 < s->observation_count; i++) {
+        const tsuya_solve_observation *o = &s->observation[i];
+        tsuya_vec2 sum = {0, 0};
+        bool whole = o->corner == 0;
+        for (int k = 0; k < 4 && whole; k++) {
+            whole = o[k].tag == o->tag && o[k].view == o->view && !o[k].outlier;
+            sum = (tsuya_vec2){sum.x + 0.25 * o[k].residual_px.x, sum.y + 0.25 * o[k].residual_px.y};
+        }
+        squares += whole ? sum.x * sum.x + sum.y * sum.y : 0.0;
+        count += whole ? 2 : 0;
+    }
+    return sqrt(squares / count);
 }
 
 /* Two plates on black cloth, a phone in the hand: seven of ten photographs are blurred by motion. */
@@ -171,7 +195,8 @@ static void test_two_boards(void **state)
     for (int i = 0; i < l.count; i++) {
         tags += detected.report[i].tags;
     }
-    printf("  %d tags, %.2f +- %.2f degrees\n", tags, c.plate[0].angle_deg, c.plate[0].angle_sd_deg);
+    printf("  %d tags, means %.3f px, %.2f +- %.2f degrees\n", tags, tag_means(&c.solve), c.plate[0].angle_deg, c.plate[0].angle_sd_deg);
+    assert_true(tag_means(&c.solve) <= 0.22);
     assert_true(tags >= 1000);
     assert_int_equal(c.photos_used, 10);
     assert_true(c.solve.rms_px <= 0.38);

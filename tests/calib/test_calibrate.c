@@ -136,9 +136,30 @@ static void test_common_errors(void **state)
     assert_honest(&c);
     tsuya_calibration_free(&c);
     s.common_px = 0.0;
-    s.bulge_m = 0.003;
+    s.ripple_m = 0.001;
     assert_ok(run(&c, &s));
     assert_true(hypot(c.covariance.photo_factor, c.covariance.tag_factor) > 1.5);
+    tsuya_calibration_free(&c);
+}
+
+/* A bent board's bends come back; a flat one stays flat. */
+static void test_bent(void **state)
+{
+    (void)state;
+    corners_scene s = corners_scene_default();
+    tsuya_calibration c;
+    assert_ok(run(&c, &s));
+    assert_false(c.solve.bent);
+    tsuya_calibration_free(&c);
+    s.bulge_m = 0.003;
+    assert_ok(run(&c, &s));
+    assert_true(c.solve.bent);
+    /* The scene's parabola reaches 12 cm to either side of (12, 12) cm; the plate's corners, from 0 to 24 cm, as far. */
+    assert_near(c.solve.shape[0].bend_m[0], 0.0015, 3e-5);
+    assert_near(c.solve.shape[0].bend_m[1], 0.0015, 3e-5);
+    assert_near(c.solve.shape[0].bend_m[2], 0.0, 3e-5);
+    assert_true(c.covariance.photo_factor < 1.3);
+    assert_honest(&c);
     tsuya_calibration_free(&c);
 }
 
@@ -181,7 +202,7 @@ static void test_compare(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_plain), cmocka_unit_test(test_cholmod), cmocka_unit_test(test_frontal), cmocka_unit_test(test_few),
-                                       cmocka_unit_test(test_edge_only), cmocka_unit_test(test_common_errors),
+                                       cmocka_unit_test(test_edge_only), cmocka_unit_test(test_common_errors), cmocka_unit_test(test_bent),
                                        cmocka_unit_test(test_compare)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
