@@ -8,8 +8,15 @@ enum { BINS = 64, SPREAD = 1 };            /* SPREAD bins to both sides count as
 static const double BIN = 0.075;           /* of ln period: threads pack closer and wider by as much over a garment */
 static const double SHARE = 0.25;          /* of the commonest pair's surface, from which a pair is believed as it stands */
 
+/* Threads are the finest that repeats on a cloth.  A count that others, finer in both periods by FINER bins and held by KNOWN of the
+ * commonest pair's surface, are seen through in this share of its places is a print's. */
+enum { FINER = 8 };
+static const double KNOWN = 0.1, PRINT = 0.02;
+
 typedef struct census {
     double *sum;  /* BINS × BINS: surface that votes for (finer, coarser) */
+    double *print; /* the part of it where finer threads are seen as well */
+    double most;  /* surface of the commonest pair */
     double start; /* ln period of the first bin's lower end */
 } census;
 
@@ -61,29 +68,74 @@ static void count(census *c, const tsuya_votes *votes, const float *area)
     }
 }
 
-static double around(const census *c, int row, int column)
+static double around(const double *bins, int row, int column)
 {
     double sum = 0.0;
     for (int j = row - SPREAD; j <= row + SPREAD; j++) {
         for (int i = column - SPREAD; i <= column + SPREAD; i++) {
-            sum += i >= 0 && j >= 0 && i < BINS && j < BINS ? c->sum[j * BINS + i] : 0.0;
+            sum += i >= 0 && j >= 0 && i < BINS && j < BINS ? bins[j * BINS + i] : 0.0;
         }
     }
     return sum;
 }
 
+/* Share of a vertex' votes that see finer threads than the pair at `place`. */
+static double finer_share(const census *c, const tsuya_votes *votes, size_t v, const int place[2])
+{
+    double finer = 0.0, all = 1e-30;
+    for (int k = 0; k < votes->count[v]; k++) {
+        const tsuya_vote *vote = &votes->vote[v * TSUYA_VOTES + (size_t)k];
+        int own[2];
+        double w = (double)vote->weight * (double)vote->confidence;
+        all += w;
+        if (w > 0.0 && place_of(own, c, vote) && own[0] <= place[0] - FINER && own[1] <= place[1] - FINER &&
+            around(c->sum, own[0], own[1]) >= KNOWN * c->most) {
+            finer += w;
+        }
+    }
+    return finer / all;
+}
+
+static void find_prints(census *c, const tsuya_votes *votes, const float *area)
+{
+    for (int i = 0; i < BINS * BINS; i++) {
+        c->most = fmax(c->most, around(c->sum, i / BINS, i % BINS));
+    }
+    for (size_t v = 0; v < votes->vertex_count; v++) {
+        double all = 1e-30;
+        for (int k = 0; k < votes->count[v]; k++) {
+            all += (double)votes->vote[v * TSUYA_VOTES + (size_t)k].weight;
+        }
+        for (int k = 0; k < votes->count[v]; k++) {
+            const tsuya_vote *vote = &votes->vote[v * TSUYA_VOTES + (size_t)k];
+            int place[2];
+            if (vote->confidence > 0.0f && place_of(place, c, vote) && finer_share(c, votes, v, place) > 0.0) {
+                c->print[place[0] * BINS + place[1]] += (double)area[v] * (double)vote->weight * (double)vote->confidence / all;
+            }
+        }
+    }
+}
+
+/* Odds that the pair is a cloth's and no print's, by what is seen through it. */
+static double cloth_odds(const census *c, int row, int column)
+{
+    double held = around(c->sum, row, column), print = held > 0.0 ? around(c->print, row, column) / held / PRINT : 0.0;
+    return 1.0 / (1.0 + print * print);
+}
+
 static void doubt(tsuya_votes *votes, const census *c)
 {
-    double most = 0.0;
+    double most = 0.0; /* surface of the commonest cloth */
     for (int i = 0; i < BINS * BINS; i++) {
-        most = fmax(most, around(c, i / BINS, i % BINS));
+        most = fmax(most, around(c->sum, i / BINS, i % BINS) * cloth_odds(c, i / BINS, i % BINS));
     }
     for (size_t v = 0; most > 0.0 && v < votes->vertex_count; v++) {
         for (int k = 0; k < votes->count[v]; k++) {
             tsuya_vote *vote = &votes->vote[v * TSUYA_VOTES + (size_t)k];
             int place[2];
-            double held = vote->confidence > 0.0f && place_of(place, c, vote) ? around(c, place[0], place[1]) / most : 0.0;
-            double odds = fmin(held / SHARE, 1.0), p = (double)vote->confidence;
+            bool placed = vote->confidence > 0.0f && place_of(place, c, vote);
+            double held = placed ? around(c->sum, place[0], place[1]) : 0.0, p = (double)vote->confidence;
+            double odds = placed ? fmin(held / (SHARE * most), 1.0) * cloth_odds(c, place[0], place[1]) : 0.0;
             vote->confidence = (float)(p * odds / (p * odds + 1.0 - p + 1e-12));
         }
     }
@@ -94,10 +146,13 @@ tsuya_status tsuya_census_apply(tsuya_votes *votes, const float *area)
     tsuya_status status = TSUYA_OK;
     census c = {0};
     TSUYA_NEW(status, c.sum, (size_t)BINS * BINS);
+    TSUYA_NEW(status, c.print, (size_t)BINS * BINS);
     set_range(&c, votes);
     count(&c, votes, area);
+    find_prints(&c, votes, area);
     doubt(votes, &c);
 done:
     tsuya_free(c.sum);
+    tsuya_free(c.print);
     return status;
 }

@@ -6,7 +6,8 @@
 
 /* Votes whose pair of periods hardly any others have lose confidence: a print or an embroidery repeats too, and every photograph that sees it
  * agrees, but it does so with a count of its own.  A pair that holds a quarter as much surface as the commonest one, or more, is a cloth in its own
- * right.  `area`: of each vertex.  O(votes), the same result for any number of threads. */
+ * right, unless finer threads are seen through it: threads are the finest that repeats on a cloth, so that a lattice that far photographs take for
+ * threads falls where close-ups know better.  `area`: of each vertex.  O(votes), the same result for any number of threads. */
 TSUYA_MUST_CHECK tsuya_status tsuya_census_apply(tsuya_votes *votes, const float *area);
 
 #endif
