@@ -107,7 +107,8 @@ static void verdict(page *p)
         card(p, value, "cross-validation", note);
     }
     snprintf(value, sizeof value, "%.3f px", tsuya_projection_center(&c->sigma));
-    snprintf(note, sizeof note, "worst corner %.3g px", tsuya_projection_corner(&which, &c->sigma));
+    double corner = tsuya_projection_corner(&which, &c->sigma);
+    snprintf(note, sizeof note, isfinite(corner) ? "worst corner %.3g px" : "the lens does not reach a corner", corner);
     card(p, value, "uncertainty, centre", note);
     snprintf(value, sizeof value, "%.1f px", c->solve.camera.fx_px);
     snprintf(note, sizeof note, "± %.2g px; fy %.1f", sqrt(c->covariance.intrinsics[0]), c->solve.camera.fy_px);
