@@ -13,7 +13,9 @@ enum { WIDTH = 640, HEIGHT = 480, MOST_VIEWS = 64 };
 
 static const char *const FOLDER = "mvs/dino_sparse_ring";
 
-/* Pixels above 0.19, dilated by 10 and eroded by 7, as the data's README asks. */
+/* The data's README grows the outline by three pixels (below), so that a mask surely holds the object; a mesh ends where the object does. */
+enum { DILATE_PX = 10, ERODE_PX = 7 };
+
 static void grow(uint8_t *mask, int radius, uint8_t value)
 {
     static uint8_t out[WIDTH * HEIGHT];
@@ -33,7 +35,8 @@ static void grow(uint8_t *mask, int radius, uint8_t value)
     memcpy(mask, out, sizeof out);
 }
 
-static void outline(uint8_t *mask, const char *photo)
+/* Pixels above 0.19, dilated and eroded: by 10 and 7, as the data's README asks, or by as much as they were dilated. */
+static void outline(uint8_t *mask, const char *photo, int erode_px)
 {
     tsuya_image image;
     assert_ok(tsuya_image_load(&image, photo));
@@ -46,8 +49,8 @@ static void outline(uint8_t *mask, const char *photo)
         }
         mask[i] = most > 0.19f ? 255 : 0;
     }
-    grow(mask, 10, 255);
-    grow(mask, 7, 0);
+    grow(mask, DILATE_PX, 255);
+    grow(mask, erode_px, 0);
     tsuya_image_free(&image);
 }
 
@@ -60,7 +63,7 @@ static void write_masks(const tsuya_sparse_model *model)
     assert_ok(tsuya_image_create(&image, WIDTH, HEIGHT, 1, TSUYA_SAMPLE_U8, TSUYA_ENCODING_DATA));
     for (int v = 0; v < model->view_count; v++) {
         snprintf(path, sizeof path, "%s/%s", FOLDER, model->view[v].name);
-        outline(mask, test_data(path));
+        outline(mask, test_data(path), ERODE_PX);
         for (int i = 0; i < WIDTH * HEIGHT; i++) {
             *tsuya_image_u8(&image, i % WIDTH, i / WIDTH) = mask[i];
         }
@@ -88,7 +91,7 @@ static int compare(const void *a, const void *b)
 }
 
 /* Over the data's list of photographs whose outline can be had by a threshold. */
-static double median_overlap(const tsuya_sparse_model *model, const tsuya_mesh *mesh, const tsuya_context *context)
+static double median_overlap(const tsuya_sparse_model *model, const tsuya_mesh *mesh, int erode_px, const tsuya_context *context)
 {
     static uint8_t mask[WIDTH * HEIGHT];
     double iou[MOST_VIEWS];
@@ -103,7 +106,7 @@ static double median_overlap(const tsuya_sparse_model *model, const tsuya_mesh *
         int v = tsuya_sparse_model_find(model, name);
         assert_true(v >= 0);
         snprintf(path, sizeof path, "%s/%s", FOLDER, name);
-        outline(mask, test_data(path));
+        outline(mask, test_data(path), erode_px);
         tsuya_raster_clear(&raster);
         assert_ok(tsuya_raster_draw(&raster, mesh, &model->camera[model->view[v].camera], model->view[v].camera_from_world, context));
         iou[count++] = overlap(mask, &raster);
@@ -112,7 +115,8 @@ static double median_overlap(const tsuya_sparse_model *model, const tsuya_mesh *
     tsuya_raster_free(&raster);
     assert_true(count >= 10);
     qsort(iou, (size_t)count, sizeof *iou, compare);
-    print_message("dino: outline IoU of %d photographs: median %.4f, least %.4f\n", count, iou[count / 2], iou[0]);
+    print_message("dino: IoU with the outline %d px wider than the object, %d photographs: median %.4f, least %.4f\n", DILATE_PX - erode_px, count,
+                  iou[count / 2], iou[0]);
     return iou[count / 2];
 }
 
@@ -161,7 +165,8 @@ static void dinosaur_has_its_outline_and_lies_in_its_box(void **state)
     print_message("dino: %d of %d placed, %zu triangles, in the box %.4f, within 2 mm of it %.4f\n", info.registered, info.photos,
                   mesh.triangle_count, in, near);
     assert_int_equal(info.registered, model.view_count);
-    assert_true(median_overlap(&model, &mesh, &context) >= 0.93);
+    assert_true(median_overlap(&model, &mesh, ERODE_PX, &context) >= 0.93);
+    assert_true(median_overlap(&model, &mesh, DILATE_PX, &context) > 0.0); /* said beside it */
     assert_true(in >= 0.99);
     assert_true(near == 1.0);
     tsuya_mesh_free(&mesh);
