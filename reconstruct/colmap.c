@@ -9,6 +9,9 @@
 enum { MOST_ARGUMENTS = 64, ARGUMENT_SIZE = 4096 };
 
 static const char *const ENVIRONMENT[] = {"QT_QPA_PLATFORM=offscreen", "OPENBLAS_NUM_THREADS=1", NULL};
+/* Features at the lowest row and at the ends of an octave get no descriptor from VLFeat: COLMAP stores what lay in that memory, which
+ * changes from run to run.  glibc's malloc fills it with zeros instead (the complement of the value; its thread cache does not). */
+static const char *const ZEROED[] = {"QT_QPA_PLATFORM=offscreen", "OPENBLAS_NUM_THREADS=1", "GLIBC_TUNABLES=glibc.malloc.tcache_count=0:glibc.malloc.perturb=255", NULL};
 
 typedef struct command {
     tsuya_colmap *colmap;
@@ -19,7 +22,7 @@ typedef struct command {
     const char *missing; /* a needed option that this COLMAP lacks */
     const char *label;   /* of the progress */
     double done, total;
-    bool one_processor;
+    bool one_processor, zeroed;
     char trouble[256]; /* what its database said; COLMAP itself goes on and exits with 0 */
 } command;
 
@@ -112,7 +115,7 @@ static tsuya_status finish(command *c)
         return tsuya_fail(TSUYA_ERROR_UNAVAILABLE, "colmap %s: %s has no option %s; COLMAP 3.8 is known to work", c->name, c->colmap->version, c->missing);
     }
     c->argv[c->count] = NULL;
-    tsuya_process_options options = {.log_path = log, .environment = ENVIRONMENT, .line = follow, .line_user = c, .one_processor = c->one_processor};
+    tsuya_process_options options = {.log_path = log, .environment = c->zeroed ? ZEROED : ENVIRONMENT, .line = follow, .line_user = c, .one_processor = c->one_processor};
     tsuya_process_info info;
     tsuya_status status = tsuya_process_run(&info, c->argv, &options);
     c->colmap->peak_mb = info.peak_mb > c->colmap->peak_mb ? info.peak_mb : c->colmap->peak_mb;
@@ -198,6 +201,7 @@ tsuya_status tsuya_colmap_features(tsuya_colmap *colmap, const char *masks, cons
     }
     set(c, "--SiftExtraction.use_gpu", "0");
     set_threads(c, "--SiftExtraction.num_threads");
+    c->zeroed = true;
     status = finish(c);
 done:
     tsuya_free(help);

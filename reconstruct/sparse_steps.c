@@ -131,7 +131,7 @@ done:
 static tsuya_status features(tsuya_reconstruction *r)
 {
     tsuya_lens lens = r->photos.count >= ENOUGH_FOR_OPENCV ? TSUYA_LENS_OPENCV4 : TSUYA_LENS_SIMPLE_RADIAL;
-    if (tsuya_step_begin(&r->steps, "features", lens == TSUYA_LENS_OPENCV4 ? "opencv4, by name" : "simple_radial, by name", tsuya_reconstruction_path(r, "database.db"))) {
+    if (tsuya_step_begin(&r->steps, "features", lens == TSUYA_LENS_OPENCV4 ? "opencv4, by name, zeroed" : "simple_radial, by name, zeroed", tsuya_reconstruction_path(r, "database.db"))) {
         return TSUYA_OK;
     }
     const char *masks;
