@@ -35,24 +35,19 @@ INLINE lanes inverse_root(lanes x)
     return r + r * (all(0.5f) - all(0.5f) * x * r * r);
 }
 
-/* atan of [0, 1] by Chebyshev's alternation: to 2.5e-7, and to 1.7e-6 where only smooth curves are looked up with it. */
-INLINE lanes arc_tangent(lanes t)
-{
-    lanes z = t * t, p = all(6.8117933e-3f) * z - all(3.3604221e-2f);
-    p = p * z + all(7.9623672e-2f);
-    p = p * z - all(1.3233342e-1f);
-    p = p * z + all(1.9807816e-1f);
-    p = p * z - all(3.3317368e-1f);
-    return t * (p * z + all(9.9999611e-1f));
-}
+/* atan of [0, 1] by Chebyshev's alternation, to 2.5e-7; and to 1.7e-6, for what only smooth curves are looked up with.  In intervals of a
+ * curve: the coefficients are multiplied by their number. */
+enum { FINE = 7, ROUGH = 6 };
+static const double fine_atan[FINE] = {9.999961115e-1, -3.331736805e-1, 1.980781556e-1, -1.323334210e-1, 7.962367237e-2, -3.360422057e-2, 6.811793291e-3};
+static const double rough_atan[ROUGH] = {9.999772191e-1, -3.326228279e-1, 1.935403761e-1, -1.164264820e-1, 5.264735147e-2, -1.171913573e-2};
 
-INLINE lanes arc_tangent_roughly(lanes t)
+INLINE lanes odd_polynomial(lanes t, const float *a, int count)
 {
-    lanes z = t * t, p = all(-1.1719136e-2f) * z + all(5.2647351e-2f);
-    p = p * z - all(1.1642648e-1f);
-    p = p * z + all(1.9354038e-1f);
-    p = p * z - all(3.3262282e-1f);
-    return t * (p * z + all(9.9997722e-1f));
+    lanes z = t * t, p = all(a[count - 1]);
+    for (int k = count - 2; k >= 0; --k) {
+        p = p * z + all(a[k]);
+    }
+    return t * p;
 }
 
 /* 2^x, of x to 115: Taylor's polynomial, its last powers by Chebyshev's in those before them; 4e-6. */
@@ -139,29 +134,43 @@ typedef struct half {
     lanes x, y, z, tx, ty;
 } half;
 
-/* ψ of one component as a place among the intervals. */
-INLINE lanes inclination(lanes component, lanes size, lanes z, float per_span)
+/* atan and a quarter of a turn, in intervals. */
+typedef struct angle_scale {
+    float atan[FINE], quarter;
+} angle_scale;
+
+static angle_scale scale_of(const double *atan, int count, double per_rad)
 {
-    lanes p = arc_tangent(_mm512_min_ps(size, z) * inverse(_mm512_max_ps(size, z))) * all(per_span);
-    lanes middle = all(1.57079632679f * per_span);
-    p = _mm512_mask_sub_ps(p, _mm512_cmp_ps_mask(size, z, _CMP_GT_OQ), middle, p);
-    return middle + _mm512_or_ps(p, _mm512_and_ps(component, all(-0.0f)));
+    angle_scale s = {.quarter = (float)(0.5 * M_PI * per_rad)};
+    for (int k = 0; k < count; ++k) {
+        s.atan[k] = (float)(atan[k] * per_rad);
+    }
+    return s;
 }
 
-INLINE lanes azimuth(const half *h, float per_interval)
+/* ψ of one component. */
+INLINE lanes inclination(lanes component, lanes size, lanes z, const angle_scale *s)
 {
-    lanes p = arc_tangent_roughly(_mm512_min_ps(h->tx, h->ty) * inverse(_mm512_max_ps(_mm512_max_ps(h->tx, h->ty), all(1e-18f)))) * all(per_interval);
-    p = _mm512_mask_sub_ps(p, _mm512_cmp_ps_mask(h->ty, h->tx, _CMP_GT_OQ), all(1.57079632679f * per_interval), p);
-    p = _mm512_mask_sub_ps(p, _mm512_movepi32_mask(_mm512_castps_si512(h->x)), all(3.14159265359f * per_interval), p);
-    return _mm512_mask_sub_ps(p, _mm512_movepi32_mask(_mm512_castps_si512(h->y)), all(6.28318530718f * per_interval), p);
+    lanes p = odd_polynomial(_mm512_min_ps(size, z) * inverse(_mm512_max_ps(size, z)), s->atan, FINE), quarter = all(s->quarter);
+    p = _mm512_mask_sub_ps(p, _mm512_cmp_ps_mask(size, z, _CMP_GT_OQ), quarter, p);
+    return quarter + _mm512_or_ps(p, _mm512_and_ps(component, all(-0.0f)));
+}
+
+INLINE lanes azimuth(const half *h, const angle_scale *s)
+{
+    lanes wide = _mm512_max_ps(_mm512_max_ps(h->tx, h->ty), all(1e-18f));
+    lanes p = odd_polynomial(_mm512_min_ps(h->tx, h->ty) * inverse(wide), s->atan, ROUGH);
+    p = _mm512_mask_sub_ps(p, _mm512_cmp_ps_mask(h->ty, h->tx, _CMP_GT_OQ), all(s->quarter), p);
+    p = _mm512_mask_sub_ps(p, _mm512_movepi32_mask(_mm512_castps_si512(h->x)), all(2.0f * s->quarter), p);
+    return _mm512_mask_sub_ps(p, _mm512_movepi32_mask(_mm512_castps_si512(h->y)), all(4.0f * s->quarter), p);
 }
 
 /* The angle whose tangent squared is across2 / along2. */
-INLINE lanes angle_of_squares(lanes across2, lanes along2, float per_interval)
+INLINE lanes angle_of_squares(lanes across2, lanes along2, const angle_scale *s)
 {
     lanes small = _mm512_min_ps(across2, along2), large = _mm512_max_ps(across2, along2);
-    lanes p = arc_tangent_roughly(small * inverse_root(_mm512_max_ps(small * large, all(1e-37f)))) * all(per_interval);
-    return _mm512_mask_sub_ps(p, _mm512_cmp_ps_mask(across2, along2, _CMP_GT_OQ), all(1.57079632679f * per_interval), p);
+    lanes p = odd_polynomial(small * inverse_root(_mm512_max_ps(small * large, all(1e-37f))), s->atan, ROUGH);
+    return _mm512_mask_sub_ps(p, _mm512_cmp_ps_mask(across2, along2, _CMP_GT_OQ), all(s->quarter), p);
 }
 
 /* What every sixteen directions need of the sheen; logarithms to base 2. */
@@ -170,7 +179,7 @@ typedef struct cloth {
     int count, level; /* terms; and those that do not change with φ, which come first */
     bool deep, glossy;
     float lowest_cosine, per_cosine, gloss[2], rise[TSUYA_SHEEN_RISE];
-    float per_psi, per_phi, per_theta, per_d;
+    angle_scale psi, phi, theta, d;
     float slant[2][2], reach[2][2]; /* [yarn][of dy2, dx2] */
 } cloth;
 
@@ -186,10 +195,10 @@ static cloth cloth_of(const tsuya_sheen *s)
     c.gloss[0] = (float)s->gloss[0];
     c.gloss[1] = (float)s->gloss[1];
     memcpy(c.rise, s->fast_rise, sizeof c.rise);
-    c.per_psi = (float)s->spans / 3.14159265359f;
-    c.per_phi = (float)s->nu / 6.28318530718f;
-    c.per_theta = (float)s->nv / 1.57079632679f;
-    c.per_d = (float)s->nd / 1.57079632679f;
+    c.psi = scale_of(fine_atan, FINE, s->spans / M_PI);
+    c.phi = scale_of(rough_atan, ROUGH, s->nu / (2.0 * M_PI));
+    c.theta = scale_of(rough_atan, ROUGH, s->nv / (0.5 * M_PI));
+    c.d = scale_of(rough_atan, ROUGH, s->nd / (0.5 * M_PI));
     for (int yarn = 0; yarn < 2; ++yarn) {
         for (int k = 0; k < 2; ++k) {
             double slant = s->slant[yarn][yarn == 0 ? k : 1 - k];
@@ -238,18 +247,18 @@ INLINE void find_places(block *b, const cloth *c, const tsuya_direction_batch *d
         b->falloff[k] = inverse(h.z) * all(0.5f);
         b->warp[k] = slanted(c, 0, dx2, dy2);
         b->weft[k] = slanted(c, 1, dx2, dy2);
-        b->t[k] = place_of(inclination(h.x, h.tx, h.z, c->per_psi));
-        b->b[k] = place_of(inclination(h.y, h.ty, h.z, c->per_psi));
+        b->t[k] = place_of(inclination(h.x, h.tx, h.z, &c->psi));
+        b->b[k] = place_of(inclination(h.y, h.ty, h.z, &c->psi));
         lanes across2 = h.x * h.x + h.y * h.y, z2 = h.z * h.z;
         if (glossy) {
             b->gloss[k] = rise_of(c, across2 + z2);
         }
         if (flat || deep) {
-            b->u[k] = place_of(azimuth(&h, c->per_phi));
-            b->v[k] = place_of(angle_of_squares(across2, z2, c->per_theta));
+            b->u[k] = place_of(azimuth(&h, &c->phi));
+            b->v[k] = place_of(angle_of_squares(across2, z2, &c->theta));
         }
         if (deep) {
-            b->d[k] = place_of(angle_of_squares(dz * dz + dx2 + dy2, across2 + z2, c->per_d));
+            b->d[k] = place_of(angle_of_squares(dz * dz + dx2 + dy2, across2 + z2, &c->d));
         }
     }
 }
