@@ -377,8 +377,46 @@ static void test_every_case_with_every_model(void **state)
     assert_int_equal(bad, 0);
 }
 
+/* Readings that rise with the angle between light and camera, at every tilt, as far as 70° between them: what a yarn gains from that ends
+ * where the readings do, but for Fresnel's term. */
+static void test_slants_end_with_the_readings(void **state)
+{
+    (void)state;
+    tsuya_context context = tsuya_context_default();
+    const tsuya_fit_options options = {"cloth", "yarn", NAN};
+    tsuya_samples s;
+    tsuya_material *m;
+    tsuya_fit_info info;
+    read_case(&s, &cases[0]);
+    int n = 0;
+    for (int k = 0; k < s.count; ++k) {
+        double apart = 0.25 * (2.0 - 2.0 * tsuya_vec3_dot(s.wi[k], s.wo[k]));
+        if (apart < 0.34) {
+            s.wi[n] = s.wi[k];
+            s.wo[n] = s.wo[k];
+            for (int c = 0; c < 3; ++c) {
+                s.value[3 * n + c] = s.value[3 * k + c] * exp(8.0 * apart);
+            }
+            n++;
+        }
+    }
+    s.count = n;
+    assert_ok(tsuya_brdf_fit(&m, &info, NULL, NULL, &s, &options, &context));
+    for (int azimuth = 0; azimuth < 180; azimuth += 45) {
+        double edge[3], beyond[3];
+        tsuya_vec3 a = direction(35, azimuth), b = direction(35, azimuth + 180), c = direction(80, azimuth), d = direction(80, azimuth + 180);
+        tsuya_material_eval(m, NULL, a, b, edge);
+        tsuya_material_eval(m, NULL, c, d, beyond);
+        double gain = beyond[1] * (c.z + d.z) / (edge[1] * (a.z + b.z));
+        print_message("azimuth %d: what is left of the masking gains %.2f from 35 to 80 degrees\n", azimuth, gain);
+        assert_true(gain > 0.0 && gain <= 2.0);
+    }
+    tsuya_material_free(m);
+    tsuya_samples_free(&s);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_every_case_with_every_model)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_every_case_with_every_model), cmocka_unit_test(test_slants_end_with_the_readings)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
