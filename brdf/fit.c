@@ -12,7 +12,8 @@
 
 /* In the order of their cost: bytes first, then time. */
 static const char *const model_names[] = {"auto", "lambert", "ggx", "ggx-aniso", "ward", "ashikhmin", "tanaka", "yarn", "ndf", "nurbs3", NULL};
-enum { FEWEST = 8 };
+/* Of a larger table, so many samples are held out from and choose the model; all of them fit it. */
+enum { FEWEST = 8, CHOOSING = 20000 };
 
 const char *const *tsuya_fit_model_names(void) { return model_names; }
 
@@ -91,11 +92,22 @@ static tsuya_status error_of(tsuya_brdf_error *error, const tsuya_material *mate
     return TSUYA_OK;
 }
 
-/* Everything that is fitted: all samples, and what is left of them without a part. */
+/* Everything that is fitted: all samples, those that choose, and what is left of these without a part. */
 typedef struct work {
-    training all, without[TSUYA_FIT_PARTS];
-    tsuya_samples kept[TSUYA_FIT_PARTS], left_out[TSUYA_FIT_PARTS];
+    training all, choosing, without[TSUYA_FIT_PARTS];
+    tsuya_samples some, kept[TSUYA_FIT_PARTS], left_out[TSUYA_FIT_PARTS];
 } work;
+
+/* Samples that choose: all of a small table, a random draw from a large one. */
+static tsuya_status draw(work *w, const tsuya_samples *samples)
+{
+    w->all.samples = w->choosing.samples = samples;
+    if (samples->count <= CHOOSING) {
+        return TSUYA_OK;
+    }
+    w->choosing.samples = &w->some;
+    return tsuya_samples_draw(&w->some, samples, CHOOSING);
+}
 
 static tsuya_status split(work *w, const tsuya_samples *samples)
 {
@@ -127,6 +139,8 @@ static tsuya_status split(work *w, const tsuya_samples *samples)
 static void free_work(work *w)
 {
     tsuya_sheen_free(w->all.guide);
+    tsuya_sheen_free(w->choosing.guide);
+    tsuya_samples_free(&w->some);
     for (int part = 0; part < TSUYA_FIT_PARTS; ++part) {
         tsuya_sheen_free(w->without[part].guide);
         tsuya_samples_free(&w->kept[part]);
@@ -178,29 +192,38 @@ static tsuya_material_support support_of(const tsuya_samples *s)
     return r;
 }
 
-static tsuya_status fit_model(tsuya_material **material, tsuya_fit_info *info, const tsuya_brdf_model *model, work *w, const char *name)
+/* The material, and what is said of it beside its held-out errors. */
+static tsuya_status fit_to(tsuya_material **material, tsuya_fit_info *info, const tsuya_brdf_model *model, training *t, const char *name)
 {
-    double started = tsuya_clock_s();
-    *info = (tsuya_fit_info){.model = model->name, .samples = w->all.samples->count};
     *material = NULL;
-    TSUYA_TRY(validate(info, model, w));
-    TSUYA_TRY(fit_once(material, &info->reciprocal_condition, model, &w->all, name));
+    info->samples = t->samples->count;
+    TSUYA_TRY(fit_once(material, &info->reciprocal_condition, model, t, name));
     tsuya_material *m = *material;
-    m->support = support_of(w->all.samples);
+    m->support = support_of(t->samples);
     m->heldout_cbrt = info->heldout.cbrt;
     m->heldout_log = info->heldout.log;
-    tsuya_status status = error_of(&info->fit, m, w->all.samples);
+    tsuya_status status = error_of(&info->fit, m, t->samples);
     if (status == TSUYA_OK) {
         info->bytes = tsuya_material_get_info(m).bytes;
         tsuya_material_physics(&info->reciprocity_deficit, &info->furnace, m);
         status = tsuya_material_time(&info->eval_ns, m);
     }
-    info->seconds = tsuya_clock_s() - started;
     if (status != TSUYA_OK) {
         tsuya_material_free(m);
         *material = NULL;
     }
     return status;
+}
+
+static tsuya_status fit_model(tsuya_material **material, tsuya_fit_info *info, const tsuya_brdf_model *model, work *w, training *t, const char *name)
+{
+    double started = tsuya_clock_s();
+    *info = (tsuya_fit_info){.model = model->name};
+    *material = NULL;
+    TSUYA_TRY(validate(info, model, w));
+    TSUYA_TRY(fit_to(material, info, model, t, name));
+    info->seconds = tsuya_clock_s() - started;
+    return TSUYA_OK;
 }
 
 static bool tells_difference_angles(const tsuya_samples *s)
@@ -228,14 +251,14 @@ static tsuya_status fit_auto(tsuya_material **material, tsuya_fit_info *info, ts
     *material = NULL;
     for (int k = 1; model_names[k]; ++k) {
         const tsuya_brdf_model *model = tsuya_brdf_model_find(model_names[k]);
-        if (model == &tsuya_brdf_nurbs3 && !tells_difference_angles(w->all.samples)) {
+        if (model == &tsuya_brdf_nurbs3 && !tells_difference_angles(w->choosing.samples)) {
             continue; /* one difference angle cannot tell what another would show */
         }
         tsuya_material *m;
         tsuya_fit_info *now = &candidates[*count];
         tsuya_progress_update(context, "fit", k - 1, TSUYA_FIT_MODELS - 1, model->name);
         TSUYA_TRY(tsuya_check_interrupt());
-        TSUYA_TRY(fit_model(&m, now, model, w, options->name));
+        TSUYA_TRY(fit_model(&m, now, model, w, &w->choosing, options->name));
         ++*count;
         double here = isnan(now->heldout.cbrt) ? now->fit.cbrt : now->heldout.cbrt;
         bool meets = physical(now) && !isnan(options->tolerance) && here <= options->tolerance;
@@ -250,7 +273,11 @@ static tsuya_status fit_auto(tsuya_material **material, tsuya_fit_info *info, ts
             break;
         }
     }
-    return TSUYA_OK;
+    if (w->choosing.samples == w->all.samples) {
+        return TSUYA_OK;
+    }
+    tsuya_material_free(*material);
+    return fit_to(material, info, tsuya_brdf_model_find(info->model), &w->all, options->name);
 }
 
 static tsuya_status check_samples(const tsuya_samples *s, const tsuya_fit_options *options)
@@ -287,12 +314,14 @@ tsuya_status tsuya_brdf_fit(tsuya_material **material, tsuya_fit_info *info, tsu
     if (!w) {
         return TSUYA_ERROR_MEMORY;
     }
-    w->all.samples = samples;
-    tsuya_status status = split(w, samples);
+    tsuya_status status = draw(w, samples);
+    if (status == TSUYA_OK) {
+        status = split(w, w->choosing.samples);
+    }
     if (status == TSUYA_OK && strcmp(options->model, "auto") == 0) {
         status = fit_auto(material, info, candidates ? candidates : own, count, w, options, context);
     } else if (status == TSUYA_OK) {
-        status = fit_model(material, info, tsuya_brdf_model_find(options->model), w, options->name);
+        status = fit_model(material, info, tsuya_brdf_model_find(options->model), w, &w->all, options->name);
         *count = 1;
         if (candidates) {
             candidates[0] = *info;

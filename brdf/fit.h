@@ -27,7 +27,8 @@ typedef struct tsuya_fit_info {
 } tsuya_fit_info;
 
 /* Fits one model to all samples; its held-out errors come from fits to a part of them (every fifth tilt, a ring of half vectors,
- * left out; one azimuth left out).  `candidates` (may be NULL, else TSUYA_FIT_MODELS entries)
+ * left out; one azimuth left out).  Of more than 20000 samples, so many drawn at random are held out from and choose the model; all of
+ * them fit it.  `candidates` (may be NULL, else TSUYA_FIT_MODELS entries)
  * receives every model that was tried and `candidate_count` their number.  Deterministic for any number of threads.  Fails on an
  * unknown model (naming the nearest), on fewer than 8 samples, and on samples without a single positive value. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_brdf_fit(tsuya_material **material, tsuya_fit_info *info, tsuya_fit_info *candidates,

@@ -1,6 +1,7 @@
 #include "brdf/fit_parts.h"
 
 #include "brdf/sheen.h"
+#include "core/context.h"
 #include "core/memory.h"
 
 #include <stdlib.h>
@@ -65,5 +66,20 @@ tsuya_status tsuya_fit_part(unsigned char *mask, int *count, const tsuya_samples
         *count = 0;
     }
     tsuya_free(key);
+    return status;
+}
+
+tsuya_status tsuya_samples_draw(tsuya_samples *part, const tsuya_samples *samples, int count)
+{
+    unsigned char *keep = tsuya_calloc((size_t)samples->count, 1);
+    if (!keep) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    double share = (double)count / samples->count;
+    for (int k = 0; k < samples->count; ++k) {
+        keep[k] = share >= 1.0 || tsuya_random_uniform(17, 3, (uint64_t)k) < share;
+    }
+    tsuya_status status = tsuya_samples_copy(part, samples, keep);
+    tsuya_free(keep);
     return status;
 }

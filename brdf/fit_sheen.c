@@ -1,5 +1,6 @@
 #include "brdf/fit_sheen.h"
 
+#include "brdf/fit_parts.h"
 #include "brdf/sheen_fit.h"
 #include "core/memory.h"
 
@@ -18,21 +19,6 @@ static void scale_strengths(tsuya_sheen *s, double factor)
     s->gloss[1] *= factor;
 }
 
-static tsuya_status reduced(tsuya_samples *part, const tsuya_samples *samples)
-{
-    int stride = (samples->count + GUIDE_SAMPLES - 1) / GUIDE_SAMPLES;
-    unsigned char *keep = tsuya_calloc((size_t)samples->count, 1);
-    if (!keep) {
-        return TSUYA_ERROR_MEMORY;
-    }
-    for (int k = 0; k < samples->count; k += stride) {
-        keep[k] = 1;
-    }
-    tsuya_status status = tsuya_samples_copy(part, samples, keep);
-    tsuya_free(keep);
-    return status;
-}
-
 tsuya_status tsuya_fit_guide(tsuya_sheen **guide, const tsuya_samples *samples)
 {
     tsuya_sheen_guide_options options = tsuya_sheen_guide_options_default();
@@ -42,7 +28,7 @@ tsuya_status tsuya_fit_guide(tsuya_sheen **guide, const tsuya_samples *samples)
     double error;
     tsuya_status status;
     *guide = NULL;
-    TSUYA_GOTO_DONE(status, reduced(&part, samples));
+    TSUYA_GOTO_DONE(status, tsuya_samples_draw(&part, samples, GUIDE_SAMPLES));
     TSUYA_GOTO_DONE(status, tsuya_fit_data_create(&data, &part));
     TSUYA_GOTO_DONE(status, tsuya_sheen_create(&s, samples->channel_count, options.spans, 0, 0, 0));
     TSUYA_GOTO_DONE(status, tsuya_sheen_fit_guide(s, &error, &data, &options));
