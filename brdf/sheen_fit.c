@@ -403,7 +403,6 @@ static bool invert(double *inverse, double *a, int n)
  * roughness. */
 static void update_smoothing(problem *p)
 {
-    double noise = data_term(p) / fmax(p->usable, 1.0);
     size_t n = (size_t)p->unknowns;
     assemble(p);
     for (size_t k = 0; k < n; ++k) {
@@ -412,9 +411,14 @@ static void update_smoothing(problem *p)
     if (!invert(p->trial, p->matrix, p->unknowns)) {
         return;
     }
+    double freedom[4], used = p->unknowns - 4.0 * p->curve_size;
+    for (int curve = 0; curve < 4; ++curve) {
+        freedom[curve] = fmin(fmax(freedom_of(p, curve, p->trial), 0.5), p->curve_size);
+        used += freedom[curve];
+    }
+    double noise = data_term(p) / fmax(p->usable - used, 0.1 * p->usable);
     for (int curve = 0; curve < 4; curve += 2) {
-        double freedom = fmin(fmax(freedom_of(p, curve, p->trial), 0.5), p->curve_size);
-        double smooth = noise * freedom / fmax(roughness(p, curve), 1e-3);
+        double smooth = noise * freedom[curve] / fmax(roughness(p, curve), 1e-3);
         p->smooth[curve] = fmin(fmax(smooth, 1e-13), 1e-4);
     }
 }
