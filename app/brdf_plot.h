@@ -19,6 +19,7 @@ typedef struct tsuya_brdf_picture {
     tsuya_plot_bench bench;
     const char *channel;            /* of both; NULL: g, or the middle one */
     const char *title;
+    double scale, body;             /* drawn of the material: scale · f + body/π; scale 0: f as it is */
 } tsuya_brdf_picture;
 
 /* Lamp 30, 0 and camera 30, 180. */
@@ -50,8 +51,8 @@ void tsuya_plot_data_free(tsuya_plot_data *data);
 TSUYA_MUST_CHECK tsuya_status tsuya_plot_curves(const char *path, const tsuya_brdf_picture *picture, const tsuya_plot_data *data);
 TSUYA_MUST_CHECK tsuya_status tsuya_plot_surface(const char *path, const tsuya_brdf_picture *picture, const tsuya_plot_data *data);
 TSUYA_MUST_CHECK tsuya_status tsuya_plot_polar(const char *path, const tsuya_brdf_picture *picture, const tsuya_plot_data *data);
-/* Figure 6 beside figure 8: a predicted material, times `factor`, and the readings. */
-TSUYA_MUST_CHECK tsuya_status tsuya_plot_pair(const char *path, const tsuya_brdf_picture *picture, const tsuya_plot_data *data, double factor);
+/* Figure 6 beside figure 8: a predicted material at the picture's scale over its body, and the readings. */
+TSUYA_MUST_CHECK tsuya_status tsuya_plot_pair(const char *path, const tsuya_brdf_picture *picture, const tsuya_plot_data *data);
 
 /* Errors of several models as bars, one group a model; value[model * series + s], NaN where there is none; and nanoseconds. */
 typedef struct tsuya_plot_bars {

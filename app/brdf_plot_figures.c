@@ -18,7 +18,7 @@ static double intensity(const tsuya_brdf_picture *p, const tsuya_plot_data *d, d
         return NAN;
     }
     tsuya_material_eval(p->material, NULL, wi, wo, value);
-    return value[d->material_channel] * wi.z;
+    return p->scale > 0.0 ? (p->scale * value[d->material_channel] + p->body / M_PI) * wi.z : value[d->material_channel] * wi.z;
 }
 
 static bool has_lines(const tsuya_plot_data *d) { return d->material_channel >= 0; }
@@ -32,15 +32,15 @@ static void write_number(FILE *f, double x)
     }
 }
 
-/* $lineK (tilt, intensity times factor) and $pointK of every azimuth. */
-static void write_curves(const tsuya_gnuplot *g, const tsuya_brdf_picture *p, const tsuya_plot_data *d, double factor)
+/* $lineK (tilt, intensity) and $pointK of every azimuth. */
+static void write_curves(const tsuya_gnuplot *g, const tsuya_brdf_picture *p, const tsuya_plot_data *d)
 {
     for (int k = 0; k < d->azimuths; ++k) {
         fprintf(g->script, "$line%d << EOD\n", k);
         for (int i = 0; i < STEPS && has_lines(d); ++i) {
             double t = d->tilt_deg[0] + (d->tilt_deg[1] - d->tilt_deg[0]) * i / (STEPS - 1);
             fprintf(g->script, "%.6g ", t);
-            write_number(g->script, factor * intensity(p, d, d->azimuth_deg[k], t));
+            write_number(g->script, intensity(p, d, d->azimuth_deg[k], t));
             fputc('\n', g->script);
         }
         fprintf(g->script, "0 NaN\nEOD\n$point%d << EOD\n", k);
@@ -98,7 +98,7 @@ tsuya_status tsuya_plot_curves(const char *path, const tsuya_brdf_picture *p, co
 {
     tsuya_gnuplot g;
     TSUYA_TRY(tsuya_gnuplot_begin(&g, path, 900, 600));
-    write_curves(&g, p, d, 1.0);
+    write_curves(&g, p, d);
     fputs("set title ", g.script);
     write_title(&g, p, d);
     fputc('\n', g.script);
@@ -107,7 +107,7 @@ tsuya_status tsuya_plot_curves(const char *path, const tsuya_brdf_picture *p, co
     return tsuya_gnuplot_end(&g);
 }
 
-tsuya_status tsuya_plot_pair(const char *path, const tsuya_brdf_picture *p, const tsuya_plot_data *d, double factor)
+tsuya_status tsuya_plot_pair(const char *path, const tsuya_brdf_picture *p, const tsuya_plot_data *d)
 {
     tsuya_gnuplot g;
     double top = 0.0;
@@ -115,16 +115,17 @@ tsuya_status tsuya_plot_pair(const char *path, const tsuya_brdf_picture *p, cons
         top = fmax(top, d->point[k].intensity);
     }
     for (int k = 0; k < d->azimuths * STEPS && has_lines(d); ++k) {
-        double i = factor * intensity(p, d, d->azimuth_deg[k / STEPS], d->tilt_deg[0] + (d->tilt_deg[1] - d->tilt_deg[0]) * (k % STEPS) / (STEPS - 1));
+        double i = intensity(p, d, d->azimuth_deg[k / STEPS], d->tilt_deg[0] + (d->tilt_deg[1] - d->tilt_deg[0]) * (k % STEPS) / (STEPS - 1));
         top = i > top ? i : top;
     }
     TSUYA_TRY(tsuya_gnuplot_begin(&g, path, 1300, 560));
-    write_curves(&g, p, d, factor);
+    write_curves(&g, p, d);
     fputs("set multiplot layout 1,2 title ", g.script);
     write_title(&g, p, d);
     fputc('\n', g.script);
     curve_axes(&g, d);
-    fprintf(g.script, "set yrange [0:%g]\nset title 'predicted from fibre and weave, times %.3g'\n", 1.05 * top, factor);
+    fprintf(g.script, "set yrange [0:%g]\nset title 'predicted from fibre and weave, times %.3g over a body of %.3g'\n", 1.05 * top,
+            p->scale > 0.0 ? p->scale : 1.0, p->body);
     write_curve_plot(&g, d, true, false);
     fputs("set title 'measured'\nunset ylabel\n", g.script);
     write_curve_plot(&g, d, false, true);
@@ -225,7 +226,7 @@ tsuya_status tsuya_plot_polar(const char *path, const tsuya_brdf_picture *p, con
     top = top > 0.0 ? top : 1.0;
     int columns = d->azimuths > 1 ? 2 : 1, rows = (d->azimuths + columns - 1) / columns;
     TSUYA_TRY(tsuya_gnuplot_begin(&g, path, 480 * columns, 60 + 300 * rows));
-    write_curves(&g, p, d, 1.0);
+    write_curves(&g, p, d);
     fprintf(g.script, "set angles degrees\nset multiplot layout %d,%d title ", rows, columns);
     write_title(&g, p, d);
     fputc('\n', g.script);

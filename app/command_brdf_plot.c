@@ -197,7 +197,8 @@ static tsuya_status plot(plot_input *input, const tsuya_common *common)
     tsuya_status status;
     TSUYA_GOTO_DONE(status, load(&material, &samples, input, &context));
     set_bench(input, &samples);
-    tsuya_brdf_picture picture = {material, samples.count ? &samples : NULL, input->bench, input->channel, tsuya_material_get_info(material).name};
+    tsuya_brdf_picture picture = {.material = material, .samples = samples.count ? &samples : NULL, .bench = input->bench, .channel = input->channel,
+                                  .title = tsuya_material_get_info(material).name};
     TSUYA_GOTO_DONE(status, tsuya_plot_data_create(&data, &picture));
     out = tsuya_json_create_object();
     if (!out) {

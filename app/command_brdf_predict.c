@@ -22,7 +22,7 @@ static const struct argp_option predict_options[] = {
     {"weave", KEY_WEAVE, "WEAVE", 0, "plain, twill-N/M, satin-N (default satin-5), satin-N/S, sateen-N/S, or a draft FILE.wif", 0},
     {"crimp", KEY_CRIMP, "DEG", 0, "Steepest rise of a yarn where it dives (default 30)", 0},
     {"spread", KEY_SPREAD, "DEG", 0, "Spread of the fibres' directions along the yarn, one standard deviation (default 4; spun yarn about 12)", 0},
-    {"turn", KEY_TURN, "DEG", 0, "Spread of the section's turn about the fibre (default 10)", 0},
+    {"turn", KEY_TURN, "DEG", 0, "Spread of the section's turn about the fibre (default 20)", 0},
     {"index", KEY_INDEX, "ETA", 0, "Refractive index (default 1.54, polyester and silk)", 0},
     {"metal", KEY_METAL, "COLOR", 0, "Mirror reflectance of metal-wrapped yarn instead: \"#rrggbb\" or \"r,g,b\" in linear light", 0},
     {"color", KEY_COLOR, "COLOR", 0, "Dye under the surface (default black)", 0},
@@ -66,35 +66,11 @@ static const tsuya_syntax predict_syntax = {
     .parse = parse_predict,
 };
 
-/* The common factor that brings the prediction nearest to the readings in cube roots, and the error that is left. */
-static tsuya_status hold_against(double *factor, double *error, const tsuya_material *m, const tsuya_samples *s)
-{
-    double *predicted = tsuya_calloc((size_t)s->count * (size_t)s->channel_count, sizeof *predicted), both = 0.0, own = 0.0;
-    if (!predicted) {
-        return TSUYA_ERROR_MEMORY;
-    }
-    tsuya_material_predict(predicted, m, s);
-    for (int k = 0; k < s->count * 3; ++k) {
-        if (isfinite(s->value[k])) {
-            both += cbrt(predicted[k] * fmax(s->value[k], 0.0)) * cbrt(s->wi[k / 3].z * s->wi[k / 3].z);
-            own += cbrt(predicted[k] * predicted[k]) * cbrt(s->wi[k / 3].z * s->wi[k / 3].z);
-        }
-    }
-    double root = own > 0.0 ? both / own : 0.0;
-    *factor = root * root * root;
-    for (int k = 0; k < s->count * 3; ++k) {
-        predicted[k] *= *factor;
-    }
-    *error = tsuya_samples_error(s, predicted, -1).cbrt;
-    tsuya_free(predicted);
-    return TSUYA_OK;
-}
-
 static tsuya_status compare(tsuya_json *out, const char *folder, const tsuya_material *m, const predict_input *input)
 {
     tsuya_samples s;
     tsuya_plot_data data = {0};
-    double factor, error;
+    tsuya_predict_match match;
     char *path = NULL;
     TSUYA_TRY(tsuya_samples_load(&s, input->samples));
     tsuya_status status = TSUYA_OK;
@@ -104,11 +80,16 @@ static tsuya_status compare(tsuya_json *out, const char *folder, const tsuya_mat
     }
     tsuya_plot_bench_of(&picture.bench, &s);
     TSUYA_GOTO_DONE(status, tsuya_plot_data_create(&data, &picture));
-    TSUYA_GOTO_DONE(status, hold_against(&factor, &error, m, &s));
+    TSUYA_GOTO_DONE(status, tsuya_predict_hold_against(&match, m, &s));
+    picture.scale = match.scale;
+    picture.body = match.body[data.sample_channel];
     path = tsuya_path_join(folder, "predicted.png");
-    TSUYA_GOTO_DONE(status, path ? tsuya_plot_pair(path, &picture, &data, factor) : TSUYA_ERROR_MEMORY);
-    tsuya_json_set_number(out, "scale", factor);
-    tsuya_json_set_number(out, "error_cbrt", error);
+    TSUYA_GOTO_DONE(status, path ? tsuya_plot_pair(path, &picture, &data) : TSUYA_ERROR_MEMORY);
+    tsuya_json_set_number(out, "scale", match.scale);
+    tsuya_json_set_numbers(out, "body", match.body, 3);
+    tsuya_json_set_number(out, "error_cbrt", match.error_cbrt);
+    tsuya_json_set_number(out, "error_cbrt_without_body", match.error_without_body);
+    tsuya_json_set_number(out, "error_cbrt_body_alone", match.error_body_alone);
     tsuya_json_set_text(out, "picture", path);
 done:
     tsuya_free(path);

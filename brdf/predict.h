@@ -9,13 +9,15 @@
 #define TSUYA_BRDF_PREDICT_H
 
 #include "brdf/material.h"
+#include "brdf/samples.h"
 #include "brdf/weave_draft.h"
 
 typedef struct tsuya_predict_yarn {
     const char *section;   /* one of tsuya_predict_sections() */
     double crimp_deg;      /* steepest tangent of the path, where the yarn dives under the others */
     double along_deg;      /* spread of fibres' directions along the yarn, standard deviation */
-    double turn_deg;       /* spread of the section's turn about the fibre, standard deviation */
+    double turn_deg;       /* spread of the section's turn about the fibre, standard deviation: filaments do not all lie on the same side,
+                            * and a twist of 100 to 200 turns a metre turns them by some 25 to 50° over a float of 0.7 mm */
     double eta;            /* refractive index */
     double metal[3];       /* mirror reflectance of a metal's surface; 0: dielectric */
 } tsuya_predict_yarn;
@@ -25,7 +27,7 @@ typedef struct tsuya_predict_options {
     tsuya_predict_yarn warp, weft;
     double dye[3]; /* under the surface */
 } tsuya_predict_options;
-/* triangle, 30°, 4°, 10°, 1.54; dye 0 */
+/* triangle, 30°, 4°, 20°, 1.54; dye 0 */
 TSUYA_API tsuya_predict_options tsuya_predict_options_default(void);
 
 /* NULL-terminated: circle ellipse triangle rounded-triangle trilobal hollow ribbon */
@@ -39,5 +41,14 @@ TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_predict_across(double density[TSUY
 TSUYA_API void tsuya_predict_along(double density[TSUYA_PREDICT_BINS], double *share, const tsuya_draft *draft, bool warp, const tsuya_predict_yarn *yarn);
 
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_predict(tsuya_material **material, const tsuya_draft *draft, const tsuya_predict_options *options);
+
+/* A prediction held against readings of three channels.  It knows neither how much of the light the yarns' surfaces get to see nor what has been
+ * in the fibres and comes out again in every direction: one factor and a level a channel are fitted, to cube roots. */
+typedef struct tsuya_predict_match {
+    double scale, body[3];                 /* readings ≈ scale · f + body/π */
+    double error_cbrt, error_without_body; /* with the factor alone: the paper's case, a black cloth */
+    double error_body_alone;               /* of a cloth that is dull: what the prediction has to beat */
+} tsuya_predict_match;
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_predict_hold_against(tsuya_predict_match *match, const tsuya_material *material, const tsuya_samples *samples);
 
 #endif

@@ -149,11 +149,51 @@ static void test_satin_of_triangular_fibre(void **state)
     tsuya_material_free(plain);
 }
 
+/* Readings that are a multiple of the prediction over a body, one channel without: both are found again. */
+static void test_held_against_readings(void **state)
+{
+    (void)state;
+    static const double body[3] = {0.2, 0.05, 0.0};
+    enum { COUNT = 120 };
+    tsuya_draft d;
+    tsuya_material *m;
+    tsuya_samples s;
+    tsuya_predict_match found;
+    tsuya_predict_options o = tsuya_predict_options_default();
+    assert_ok(tsuya_draft_create(&d, "satin-5"));
+    assert_ok(tsuya_predict(&m, &d, &o));
+    assert_ok(tsuya_samples_create(&s, COUNT, 3, NULL));
+    for (int k = 0; k < COUNT; ++k) {
+        s.wi[k] = tsuya_goniometer_direction(30, 0, 45.0 * (k % 4), k - 50.0);
+        s.wo[k] = tsuya_goniometer_direction(30, 180, 45.0 * (k % 4), k - 50.0);
+        tsuya_material_eval(m, NULL, s.wi[k], s.wo[k], s.value + 3 * k);
+        for (int c = 0; c < 3; ++c) {
+            s.value[3 * k + c] = 2.5 * s.value[3 * k + c] + body[c] / M_PI;
+        }
+    }
+    s.value[7] = NAN; /* clipped */
+    s.count = 100;    /* all above the surface */
+    assert_ok(tsuya_predict_hold_against(&found, m, &s));
+    assert_near(found.scale, 2.5, 1e-5);
+    for (int c = 0; c < 3; ++c) {
+        assert_near(found.body[c], body[c], 1e-5);
+    }
+    assert_true(found.error_cbrt < 1e-5 && found.error_without_body > 0.05 && found.error_body_alone > 0.05);
+    s.channel_count = 1;
+    assert_fails(tsuya_predict_hold_against(&found, m, &s), "1 channels");
+    s.channel_count = 3;
+    s.count = COUNT;
+    tsuya_samples_free(&s);
+    tsuya_material_free(m);
+    tsuya_draft_free(&d);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_weaves_by_name), cmocka_unit_test(test_wif), cmocka_unit_test(test_bad_wif), cmocka_unit_test(test_sections),
         cmocka_unit_test(test_shares_of_the_face), cmocka_unit_test(test_satin_of_triangular_fibre),
+        cmocka_unit_test(test_held_against_readings),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
