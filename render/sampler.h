@@ -72,4 +72,10 @@ static inline void tsuya_sampler_pair(tsuya_sampler s, uint32_t pair, double u[2
     u[1] = tsuya_reverse_bits32(b) * 0x1.0p-32;
 }
 
+enum { TSUYA_SAMPLER_LANES = 8 };
+
+/* The same for eight samplers at once. */
+void tsuya_sampler_pairs(const uint32_t key[TSUYA_SAMPLER_LANES], const uint32_t sample[TSUYA_SAMPLER_LANES], uint32_t pair,
+                         double u[2][TSUYA_SAMPLER_LANES]);
+
 #endif

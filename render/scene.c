@@ -228,6 +228,21 @@ void tsuya_scene_bounds(const tsuya_scene *scene, tsuya_vec3 *low, tsuya_vec3 *h
     *high = scene->high;
 }
 
+void tsuya_scene_prefetch(const tsuya_scene *scene, const tsuya_ray_hit *hit, const bool *met, int count)
+{
+    for (int k = 0; k < count; ++k) {
+        if (met[k]) {
+            __builtin_prefetch(scene->triangle + 3 * (size_t)hit[k].triangle);
+            __builtin_prefetch(scene->triangle + 3 * (size_t)hit[k].triangle + 2);
+        }
+    }
+    for (int k = 0; k < count; ++k) {
+        for (int c = 0; met[k] && c < 3; ++c) {
+            __builtin_prefetch(&scene->vertex[scene->triangle[3 * (size_t)hit[k].triangle + (size_t)c]]);
+        }
+    }
+}
+
 /* The vertex's normal on the side of ng; ng itself where it has none. */
 static tsuya_vec3 oriented_normal(const scene_vertex *v, tsuya_vec3 ng)
 {

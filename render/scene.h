@@ -81,6 +81,8 @@ void tsuya_scene_occluded_packet(const tsuya_scene *scene, const tsuya_ray *ray,
 const tsuya_bands *tsuya_scene_bands(const tsuya_scene *scene);
 /* The one dye's spectrum; NULL: surfaces have dyes of their own. */
 const double *tsuya_scene_dye_of_bands(const tsuya_scene *scene);
+/* Asks the memory for what tsuya_scene_surface will want at these hits (those that `met`). */
+void tsuya_scene_prefetch(const tsuya_scene *scene, const tsuya_ray_hit *hit, const bool *met, int count);
 void tsuya_scene_surface(const tsuya_scene *scene, const tsuya_ray_hit *hit, tsuya_vec3 wo, tsuya_surface *surface);
 /* Where a ray from a surface point towards wi starts; false when wi leaves through the cloth (nothing gets there). */
 bool tsuya_surface_ray_origin(const tsuya_scene *scene, const tsuya_surface *surface, tsuya_vec3 wi, tsuya_vec3 *origin);

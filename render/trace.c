@@ -119,10 +119,15 @@ static tsuya_vec3 to_world(const tsuya_surface *s, tsuya_vec3 w)
 typedef struct look {
     const tsuya_surface *s;
     tsuya_vec3 wo; /* local */
+    const tsuya_material_view *view; /* where the shader is a material */
     const tsuya_bands *spread; /* NULL: the shader's values are the path's channels; else colours, to be spread over these */
-    tsuya_material_view view;  /* where the shader is a material */
     double dye[TSUYA_MATERIAL_MAX_CHANNELS]; /* of a spectral shader on a surface with a colour of its own */
 } look;
+
+/* Numbers of a bounce, for all walkers at once. */
+typedef struct chances {
+    double lamp[2][TSUYA_SAMPLER_LANES], direction[2][TSUYA_SAMPLER_LANES], choice[2][TSUYA_SAMPLER_LANES], turn[2][TSUYA_SAMPLER_LANES];
+} chances;
 
 /* What lies under the surface part, in the shader's channels. */
 static const double *dye_of(look *l, const tsuya_tracer *t)
@@ -141,17 +146,15 @@ static void look_at(look *l, const tsuya_tracer *t, const tsuya_surface *s, tsuy
 {
     l->s = s;
     l->wo = wo;
+    l->view = NULL;
     l->spread = s->shader->spectral ? NULL : t->bands;
-    if (s->shader->material) {
-        l->view = tsuya_material_view_of(s->shader->material, dye_of(l, t), wo);
-    }
 }
 
 /* f: as many values as a path has channels. */
 static double eval_pdf(const look *l, tsuya_vec3 wi, double *f)
 {
     const tsuya_shader *shader = l->s->shader;
-    double pdf = shader->material ? tsuya_material_view_eval_pdf(&l->view, wi, f) : shader->eval_pdf(shader->user, l->s->dye, wi, l->wo, f);
+    double pdf = shader->material ? tsuya_material_view_eval_pdf(l->view, wi, f) : shader->eval_pdf(shader->user, l->s->dye, wi, l->wo, f);
     if (l->spread) {
         const double rgb[3] = {f[0], f[1], f[2]};
         tsuya_bands_spread(f, l->spread, rgb);
@@ -162,7 +165,7 @@ static double eval_pdf(const look *l, tsuya_vec3 wi, double *f)
 static bool sample_direction(const look *l, const double u[3], tsuya_vec3 *wi)
 {
     const tsuya_shader *shader = l->s->shader;
-    return shader->material ? tsuya_material_view_sample(&l->view, u, wi) : shader->sample(shader->user, l->s->dye, l->wo, u, wi);
+    return shader->material ? tsuya_material_view_sample(l->view, u, wi) : shader->sample(shader->user, l->s->dye, l->wo, u, wi);
 }
 
 static tsuya_ray make_ray(tsuya_vec3 origin, tsuya_vec3 direction, double far)
@@ -255,19 +258,16 @@ static bool shadow_ray(const tsuya_tracer *t, const tsuya_surface *s, const tsuy
 }
 
 /* Light from one lamp, chosen and sampled: w->lamp, if w->shadow is free. */
-static void prepare_lamp(const tsuya_tracer *t, walker *w, const look *l, uint32_t pair, double choice)
+static void prepare_lamp(const tsuya_tracer *t, walker *w, const look *l, const double u[2], double choice)
 {
     const tsuya_surface *s = l->s;
-    double probability, u[2] = {0.5, 0.5}, f[TSUYA_MATERIAL_MAX_CHANNELS];
+    double probability, f[TSUYA_MATERIAL_MAX_CHANNELS];
     int k = choose_lamp(t->lights, s, choice, &probability, &w->last.lamp_weights);
     tsuya_light_sample sample;
     if (k < 0 || t->options->strategy == TSUYA_STRATEGY_BSDF) {
         return;
     }
     const tsuya_light *light = &t->lights->light[k];
-    if (light->area_m2 > 0.0 || light->kind == TSUYA_LIGHT_ENVIRONMENT) {
-        tsuya_sampler_pair(w->path->sampler, pair + PAIR_LAMP, u);
-    }
     if (!tsuya_light_sample_at(light, s->p, s->n, u, &sample)) {
         return;
     }
@@ -388,11 +388,22 @@ static void choose_side(const tsuya_tracer *t, walker *w, tsuya_surface *s, doub
     s->shader = &through;
 }
 
-/* At the point that the ray met: a lamp's sample, and the next ray. */
-static void shade(const tsuya_tracer *t, walker *w, int depth)
+/* A lamp's sample, and the next ray. */
+static void interact(const tsuya_tracer *t, walker *w, const look *l, int depth, const chances *chance, int lane)
+{
+    const bool spread = t->lamps_in_the_way; /* else every lamp is a point */
+    const double lamp[2] = {spread ? chance->lamp[0][lane] : 0.5, spread ? chance->lamp[1][lane] : 0.5};
+    const double u[3] = {chance->direction[0][lane], chance->direction[1][lane], chance->choice[1][lane]};
+    prepare_lamp(t, w, l, lamp, chance->choice[0][lane]);
+    /* behind the last reflection only a lamp in the way can add something */
+    w->alive = (depth + 1 < t->options->bounces || t->lamps_in_the_way) && scatter(t, w, l, u);
+}
+
+/* At the point that the ray met. */
+static void shade(const tsuya_tracer *t, walker *w, int depth, const chances *chance, int lane)
 {
     uint32_t pair = (uint32_t)(TSUYA_PAIR_FIRST + PAIRS_PER_BOUNCE * depth);
-    double choice[2], turn[2] = {0.0, 0.0}, u[3];
+    double turn[2] = {depth > 0 ? chance->turn[0][lane] : 0.0, depth > 0 ? chance->turn[1][lane] : 0.0};
     tsuya_surface s;
     tsuya_vec3 back = tsuya_vec3_scale(w->direction, -1.0);
     tsuya_scene_surface(t->scene, &w->hit, back, &s);
@@ -400,7 +411,7 @@ static void shade(const tsuya_tracer *t, walker *w, int depth)
         s.shader = t->options->card;
         s.dye = NULL;
     }
-    if (!s.has_weft || depth > 0) {
+    if (!s.has_weft && depth == 0) {
         tsuya_sampler_pair(w->path->sampler, pair + PAIR_TURN, turn);
     }
     /* at the hit, so that lamps met on the way have been counted */
@@ -417,16 +428,13 @@ static void shade(const tsuya_tracer *t, walker *w, int depth)
     }
     look l;
     look_at(&l, t, &s, to_local(&s, back)); /* under the surface for light that comes through, which does not ask for it */
-    tsuya_sampler_pair(w->path->sampler, pair + PAIR_CHOICE, choice);
-    prepare_lamp(t, w, &l, pair, choice[0]);
-    /* behind the last reflection only a lamp in the way can add something */
-    if (depth + 1 == t->options->bounces && !t->lamps_in_the_way) {
-        w->alive = false;
+    if (!s.shader->material) {
+        interact(t, w, &l, depth, chance, lane);
         return;
     }
-    tsuya_sampler_pair(w->path->sampler, pair + PAIR_DIRECTION, u);
-    u[2] = choice[1];
-    w->alive = scatter(t, w, &l, u);
+    const tsuya_material_view view = tsuya_material_view_of(s.shader->material, dye_of(&l, t), l.wo); /* large: made in its place */
+    l.view = &view;
+    interact(t, w, &l, depth, chance, lane);
 }
 
 /* Every walker's ray: met, hit. */
@@ -446,6 +454,7 @@ static void intersect_all(const tsuya_tracer *t, walker *w, int count, bool bund
             met[k] = tsuya_scene_intersect(t->scene, &ray[k], &hit[k]);
         }
     }
+    tsuya_scene_prefetch(t->scene, hit, met, count);
     for (int k = 0; k < count; ++k) {
         w[k].met = met[k];
         w[k].hit = hit[k];
@@ -480,12 +489,34 @@ static int occlude_all(const tsuya_tracer *t, walker *w, int count, bool bundle)
     return rays;
 }
 
+static void take_chances(const tsuya_tracer *t, chances *chance, const walker *w, int count, int depth)
+{
+    uint32_t pair = (uint32_t)(TSUYA_PAIR_FIRST + PAIRS_PER_BOUNCE * depth), key[TSUYA_SAMPLER_LANES], sample[TSUYA_SAMPLER_LANES];
+    for (int k = 0; k < TSUYA_SAMPLER_LANES; ++k) {
+        const tsuya_sampler *s = &w[k < count ? k : 0].path->sampler;
+        key[k] = s->key;
+        sample[k] = s->sample;
+    }
+    tsuya_sampler_pairs(key, sample, pair + PAIR_CHOICE, chance->choice);
+    tsuya_sampler_pairs(key, sample, pair + PAIR_DIRECTION, chance->direction);
+    if (t->lamps_in_the_way) {
+        tsuya_sampler_pairs(key, sample, pair + PAIR_LAMP, chance->lamp);
+    }
+    if (depth > 0) {
+        tsuya_sampler_pairs(key, sample, pair + PAIR_TURN, chance->turn);
+    }
+}
+
 /* One step of every walker; how many go on (they are moved to the front). */
 static int step(const tsuya_tracer *t, walker *w, int count, int depth, uint64_t *rays)
 {
     int left = 0;
+    chances chance;
     intersect_all(t, w, count, depth == 0);
     *rays += (uint64_t)count;
+    if (depth < t->options->bounces) {
+        take_chances(t, &chance, w, count, depth);
+    }
     for (int k = 0; k < count; ++k) {
         if (depth == 0) {
             w[k].path->met = w[k].met;
@@ -495,7 +526,7 @@ static int step(const tsuya_tracer *t, walker *w, int count, int depth, uint64_t
             add_lamps_hit(t, &w[k], depth == 0);
         }
         if (w[k].met && depth < t->options->bounces) {
-            shade(t, &w[k], depth);
+            shade(t, &w[k], depth, &chance, k);
         }
     }
     *rays += (uint64_t)occlude_all(t, w, count, depth == 0);
