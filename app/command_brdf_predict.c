@@ -22,7 +22,7 @@ static const struct argp_option predict_options[] = {
     {"weave", KEY_WEAVE, "WEAVE", 0, "plain, twill-N/M, satin-N (default satin-5), satin-N/S, sateen-N/S, or a draft FILE.wif", 0},
     {"crimp", KEY_CRIMP, "DEG", 0, "Steepest rise of a yarn where it dives (default 30)", 0},
     {"spread", KEY_SPREAD, "DEG", 0, "Spread of the fibres' directions along the yarn, one standard deviation (default 4; spun yarn about 12)", 0},
-    {"turn", KEY_TURN, "DEG", 0, "Spread of the section's turn about the fibre (default 20)", 0},
+    {"turn", KEY_TURN, "DEG", 0, "Spread of the section's turn about the fibre (default 10)", 0},
     {"index", KEY_INDEX, "ETA", 0, "Refractive index (default 1.54, polyester and silk)", 0},
     {"metal", KEY_METAL, "COLOR", 0, "Mirror reflectance of metal-wrapped yarn instead: \"#rrggbb\" or \"r,g,b\" in linear light", 0},
     {"color", KEY_COLOR, "COLOR", 0, "Dye under the surface (default black)", 0},

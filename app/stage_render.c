@@ -170,6 +170,21 @@ static tsuya_status find_like(like_views *like, const tsuya_job *job, const tsuy
     return TSUYA_OK;
 }
 
+/* Where no threads were seen, the field follows texture and folds, and glints would follow its patches. */
+static bool saw_threads(const tsuya_job *job)
+{
+    const char *path = tsuya_job_path(job, "weave/weave.json");
+    tsuya_json *root;
+    bool seen = true;
+    if (path && tsuya_path_exists(path) && tsuya_json_load(&root, path) == TSUYA_OK) {
+        if (tsuya_json_get_bool(&seen, root, "threads_seen") != TSUYA_OK) {
+            seen = true;
+        }
+        tsuya_json_free(root);
+    }
+    return seen;
+}
+
 /* dyed: the mesh with its dyes; NULL where they are not known. */
 static tsuya_status render_entry(tsuya_render_info *info, const tsuya_stage_run *run, const tsuya_job_render *entry,
                                  const tsuya_sparse_model *model, tsuya_vec3 up, const char *dyed)
@@ -181,6 +196,7 @@ static tsuya_status render_entry(tsuya_render_info *info, const tsuya_stage_run 
     like_views like = {0};
     bool wears = dyed && wears_photographs(entry);
     options.mesh_path = wears ? dyed : tsuya_job_path(job, "%s", mesh_relative);
+    options.without_weft = !saw_threads(job);
     options.vertex_dye_scale = wears ? 1.0 : options.vertex_dye_scale;
     options.output_folder = tsuya_job_path(job, "render");
     if (!material || !options.mesh_path || !options.output_folder) {

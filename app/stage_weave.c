@@ -193,7 +193,7 @@ tsuya_status tsuya_stage_weave_run(const tsuya_stage_run *run)
     tsuya_status status;
     TSUYA_GOTO_DONE(status, tsuya_weave_mesh(&mesh, &info, &options, run->context));
     if (!info.threads_seen) {
-        tsuya_warn("weave: no threads to be seen in the photographs; the weft field follows texture and folds, its confidence is low");
+        tsuya_warn("weave: no threads to be seen in the photographs; the weft field follows texture and folds, its confidence is low, and pictures take the reflectance's mean over all directions");
     }
     tsuya_weave_mesh_info_to_json(run->figures, &info);
     if (has_regions(run->job)) {

@@ -16,7 +16,7 @@ const char *const *tsuya_predict_sections(void) { return sections; }
 
 tsuya_predict_options tsuya_predict_options_default(void)
 {
-    const tsuya_predict_yarn yarn = {.section = "triangle", .crimp_deg = 30.0, .along_deg = 4.0, .turn_deg = 20.0, .eta = 1.54};
+    const tsuya_predict_yarn yarn = {.section = "triangle", .crimp_deg = 30.0, .along_deg = 4.0, .turn_deg = 10.0, .eta = 1.54};
     return (tsuya_predict_options){.name = "predicted", .warp = yarn, .weft = yarn};
 }
 

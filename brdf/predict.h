@@ -16,8 +16,8 @@ typedef struct tsuya_predict_yarn {
     const char *section;   /* one of tsuya_predict_sections() */
     double crimp_deg;      /* steepest tangent of the path, where the yarn dives under the others */
     double along_deg;      /* spread of fibres' directions along the yarn, standard deviation */
-    double turn_deg;       /* spread of the section's turn about the fibre, standard deviation: filaments do not all lie on the same side,
-                            * and a twist of 100 to 200 turns a metre turns them by some 25 to 50° over a float of 0.7 mm */
+    double turn_deg;       /* spread of the section's turn about the fibre, standard deviation: more where
+                            * filaments do not all lie on the same side, or a twist turns them along a float */
     double eta;            /* refractive index */
     double metal[3];       /* mirror reflectance of a metal's surface; 0: dielectric */
 } tsuya_predict_yarn;
@@ -27,7 +27,7 @@ typedef struct tsuya_predict_options {
     tsuya_predict_yarn warp, weft;
     double dye[3]; /* under the surface */
 } tsuya_predict_options;
-/* triangle, 30°, 4°, 20°, 1.54; dye 0 */
+/* triangle, 30°, 4°, 10°, 1.54; dye 0 */
 TSUYA_API tsuya_predict_options tsuya_predict_options_default(void);
 
 /* NULL-terminated: circle ellipse triangle rounded-triangle trilobal hollow ribbon */

@@ -153,7 +153,7 @@ static tsuya_status hash_inputs(stage *s)
         status = hash_material(hasher, s->setup.material[k]);
     }
     hash_lights(hasher, &s->setup.lights);
-    hash_numbers(hasher, (const double[]){s->setup.dye, s->setup.studio, s->path.spp, s->path.noise, s->path.bounces, s->setup.vertex_dye_scale}, 6);
+    hash_numbers(hasher, (const double[]){s->setup.dye, s->setup.studio, s->path.spp, s->path.noise, s->path.bounces, s->setup.vertex_dye_scale, s->options->without_weft}, 7);
     hash_numbers(hasher, s->setup.dye_rgb, 3);
     if (s->setup.dye_of_bands) {
         hash_numbers(hasher, s->setup.dye_of_bands, s->setup.bands->count);

@@ -9,6 +9,7 @@
 
 typedef struct tsuya_render_options {
     const char *mesh_path;           /* weave.ply or mesh.ply */
+    bool without_weft;               /* the mesh's weft is no finding: reflectances are averaged over the azimuth */
     const char *const *material_path; /* by the mesh's material index; a single one serves every index */
     int material_count;              /* 0: the built-in silk, which is said in a warning and in render.json */
     const char *lights_path;         /* a file, "daylight" or "torch" (render/preset.h); NULL: a soft studio that stands with the camera */

@@ -259,6 +259,10 @@ static tsuya_status set_up(tsuya_render_setup *s, const tsuya_render_options *o)
     if (s->mesh.vertex_count == 0) {
         return tsuya_fail(TSUYA_ERROR_INPUT, "%s: no vertices; expected a mesh", o->mesh_path);
     }
+    if (o->without_weft) {
+        tsuya_free(s->mesh.weft);
+        s->mesh.weft = NULL;
+    }
     if (s->mesh.triangle_count == 0) {
         tsuya_warn("%s: no triangles; the pictures will show lamps and nothing else", o->mesh_path);
     }
