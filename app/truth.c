@@ -64,9 +64,14 @@ static tsuya_status align(comparison *c, tsuya_json *figures, double gsd_job)
         status = tsuya_fail(TSUYA_ERROR_NUMERIC, "truth: %d photographs placed, their cameras do not fix a frame", n);
         goto done;
     }
+    if (c->metric) { /* in the mat's frame, as the truth is: nothing is moved */
+        tsuya_json_set_number(figures, "scale_rel", fabs(c->truth_from_job.scale - 1.0));
+        c->truth_from_job = (tsuya_similarity){1.0, {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}, {0, 0, 0}};
+    } else {
+        tsuya_json_set_null(figures, "scale_rel");
+    }
     c->gsd_m = gsd_job * c->truth_from_job.scale;
     tsuya_json_set_number(figures, "focal_rel", fabs(focal / true_focal - 1.0));
-    tsuya_json_set_number(figures, "scale_rel", c->metric ? fabs(c->truth_from_job.scale - 1.0) : NAN);
     tsuya_json_set_number(figures, "camera_center_gsd", rms / c->gsd_m);
 done:
     tsuya_free(own);

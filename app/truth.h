@@ -6,8 +6,9 @@
 
 /* Figures of INTERFACE's demo, as far as this version measures them; the others are null.
  *
- * A job is moved onto the truth by the similarity that best aligns the camera centres (and by nothing else: no fitting of
- * surfaces); how far its scale is from 1 is scale_rel, null for a job without a scale of its own.  Distances are in ground sample
+ * A job with a scale of its own has the mat's frame, as the truth has, and is held against it as it stands; scale_rel is how far the
+ * similarity that best aligns the camera centres is from scale 1.  Another job is moved onto the truth by that similarity
+ * (and by nothing else: no fitting of surfaces), and its scale_rel is null.  Distances are in ground sample
  * distances of the photographs.
  *   focal_rel          |f / f_true − 1|
  *   camera_center_gsd  rms over the photographs
