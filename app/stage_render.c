@@ -185,18 +185,23 @@ static bool saw_threads(const tsuya_job *job)
     return seen;
 }
 
-/* dyed: the mesh with its dyes; NULL where they are not known. */
+/* What all entries of a job share. */
+typedef struct common_look {
+    const char *dyed; /* the mesh with its dyes; NULL where they are not known */
+    bool threads_seen;
+} common_look;
+
 static tsuya_status render_entry(tsuya_render_info *info, const tsuya_stage_run *run, const tsuya_job_render *entry,
-                                 const tsuya_sparse_model *model, tsuya_vec3 up, const char *dyed)
+                                 const tsuya_sparse_model *model, tsuya_vec3 up, const common_look *look)
 {
     const tsuya_job *job = run->job;
     tsuya_render_options options = tsuya_render_options_default();
     int materials = tsuya_stage_material_count(job);
     const char **material = tsuya_arena_alloc(job->arena, (size_t)materials, sizeof *material);
     like_views like = {0};
-    bool wears = dyed && wears_photographs(entry);
-    options.mesh_path = wears ? dyed : tsuya_job_path(job, "%s", mesh_relative);
-    options.without_weft = !saw_threads(job);
+    bool wears = look->dyed && wears_photographs(entry);
+    options.mesh_path = wears ? look->dyed : tsuya_job_path(job, "%s", mesh_relative);
+    options.without_weft = !look->threads_seen;
     options.vertex_dye_scale = wears ? 1.0 : options.vertex_dye_scale;
     options.output_folder = tsuya_job_path(job, "render");
     if (!material || !options.mesh_path || !options.output_folder) {
@@ -252,7 +257,7 @@ tsuya_status tsuya_stage_render_run(const tsuya_stage_run *run)
     const char *folder = tsuya_job_path(job, "reconstruct/sparse/0");
     tsuya_sparse_model model;
     tsuya_render_info total = {0};
-    const char *dyed = NULL;
+    common_look look = {.threads_seen = saw_threads(job)};
     tsuya_vec3 up;
     if (!folder) {
         return TSUYA_ERROR_MEMORY;
@@ -264,11 +269,11 @@ tsuya_status tsuya_stage_render_run(const tsuya_stage_run *run)
         worn = worn || wears_photographs(tsuya_job_render_at(job, i));
     }
     if (status == TSUYA_OK && worn && tsuya_stage_has_measured_lamps(job)) {
-        status = tsuya_stage_dye(&dyed, run, &model);
+        status = tsuya_stage_dye(&look.dyed, run, &model);
     }
     for (int i = 0; status == TSUYA_OK && i < job->render.count; i++) {
         tsuya_render_info info = {0};
-        status = render_entry(&info, run, tsuya_job_render_at(job, i), &model, up, dyed);
+        status = render_entry(&info, run, tsuya_job_render_at(job, i), &model, up, &look);
         add_info(&total, &info);
     }
     if (status == TSUYA_OK) {

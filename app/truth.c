@@ -1,8 +1,6 @@
 #include "app/truth.h"
 
-#include "brdf/fit.h"
 #include "brdf/material.h"
-#include "brdf/samples.h"
 #include "core/camera.h"
 #include "core/file.h"
 #include "core/mesh.h"
@@ -245,10 +243,7 @@ static void rerender_error(tsuya_json *figures, const tsuya_json *render)
 /* The material of a job that measured one, on directions that no reading has: a table of the truth. */
 static tsuya_status table_error(double *error, const tsuya_job *job, const char *truth_folder, const char *name)
 {
-    tsuya_material *material = NULL;
-    tsuya_samples samples = {0};
-    tsuya_status status = TSUYA_OK;
-    double *predicted = NULL;
+    tsuya_material *material;
     const char *path = tsuya_stage_material_path(job, 0, true), *table = tsuya_arena_printf(job->arena, "%s/%s", truth_folder, name);
     *error = NAN;
     if (!path || !table) {
@@ -257,16 +252,8 @@ static tsuya_status table_error(double *error, const tsuya_job *job, const char 
     if (job->materials.count == 0 || !tsuya_job_material_at(job, 0)->samples || !tsuya_path_exists(table)) {
         return TSUYA_OK;
     }
-    TSUYA_GOTO_DONE(status, tsuya_material_load(&material, path));
-    TSUYA_GOTO_DONE(status, tsuya_samples_load(&samples, table));
-    if (tsuya_material_get_info(material).channel_count == samples.channel_count) {
-        TSUYA_NEW(status, predicted, (size_t)samples.count * (size_t)samples.channel_count);
-        tsuya_material_predict(predicted, material, &samples);
-        *error = tsuya_samples_error(&samples, predicted, -1).cbrt;
-    }
-done:
-    tsuya_free(predicted);
-    tsuya_samples_free(&samples);
+    TSUYA_TRY(tsuya_material_load(&material, path));
+    tsuya_status status = tsuya_truth_reflectance(error, material, table);
     tsuya_material_free(material);
     return status;
 }

@@ -3,6 +3,7 @@
 #define TSUYA_APP_TRUTH_H
 
 #include "app/stage.h"
+#include "brdf/material.h"
 
 /* Figures of INTERFACE's demo, as far as this version measures them; the others are null.
  *
@@ -24,6 +25,8 @@
 TSUYA_MUST_CHECK tsuya_status tsuya_truth_compare(tsuya_json *figures, const tsuya_job *job, const tsuya_state *state,
                                                   const char *truth_folder, const tsuya_context *context);
 
+/* e_cbrt of a material on a table of directions; NaN where their channels differ in number. */
+TSUYA_MUST_CHECK tsuya_status tsuya_truth_reflectance(double *error, const tsuya_material *material, const char *table);
 /* e_cbrt on truth/reflectance.csv of what `brdf gather` and `brdf fit` make of the photographs in TRUTH/../swatch, with the stage's own
  * poses (TRUTH/swatch); NaN without such photographs. */
 TSUYA_MUST_CHECK tsuya_status tsuya_truth_swatch(double *error, const char *truth_folder, const tsuya_context *context);

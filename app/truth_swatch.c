@@ -25,15 +25,31 @@ done:
     return status;
 }
 
+tsuya_status tsuya_truth_reflectance(double *error, const tsuya_material *material, const char *table)
+{
+    tsuya_samples truth;
+    double *predicted = NULL;
+    tsuya_status status = TSUYA_OK;
+    *error = NAN;
+    TSUYA_TRY(tsuya_samples_load(&truth, table));
+    if (tsuya_material_get_info(material).channel_count == truth.channel_count) {
+        TSUYA_NEW(status, predicted, (size_t)truth.count * (size_t)truth.channel_count);
+        tsuya_material_predict(predicted, material, &truth);
+        *error = tsuya_samples_error(&truth, predicted, -1).cbrt;
+    }
+done:
+    tsuya_free(predicted);
+    tsuya_samples_free(&truth);
+    return status;
+}
+
 tsuya_status tsuya_truth_swatch(double *error, const char *truth_folder, const tsuya_context *context)
 {
     tsuya_arena *arena;
     tsuya_gathered gathered = {0};
     tsuya_material *material = NULL;
-    tsuya_samples truth = {0};
     tsuya_fit_info info;
     const tsuya_fit_options options = {.name = "swatch", .model = "auto", .tolerance = NAN};
-    double *predicted = NULL;
     *error = NAN;
     TSUYA_TRY(tsuya_arena_create(&arena, 1 << 12));
     const char *photos = tsuya_arena_printf(arena, "%s/../swatch", truth_folder), *table = tsuya_arena_printf(arena, "%s/reflectance.csv", truth_folder);
@@ -44,13 +60,8 @@ tsuya_status tsuya_truth_swatch(double *error, const char *truth_folder, const t
     }
     TSUYA_GOTO_DONE(status, gather(&gathered, arena, truth_folder, context));
     TSUYA_GOTO_DONE(status, tsuya_brdf_fit(&material, &info, NULL, NULL, &gathered.samples, &options, context));
-    TSUYA_GOTO_DONE(status, tsuya_samples_load(&truth, table));
-    TSUYA_NEW(status, predicted, (size_t)truth.count * (size_t)truth.channel_count);
-    tsuya_material_predict(predicted, material, &truth);
-    *error = tsuya_samples_error(&truth, predicted, -1).cbrt;
+    status = tsuya_truth_reflectance(error, material, table);
 done:
-    tsuya_free(predicted);
-    tsuya_samples_free(&truth);
     tsuya_material_free(material);
     tsuya_gathered_free(&gathered);
     tsuya_arena_free(arena);

@@ -6,20 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-typedef struct half_edge { uint32_t low, high, triangle, corner; } half_edge; /* corner: the one across */
-
-static int compare_half_edges(const void *a, const void *b)
-{
-    const half_edge *x = a, *y = b;
-    if (x->low != y->low) {
-        return x->low < y->low ? -1 : 1;
-    }
-    if (x->high != y->high) {
-        return x->high < y->high ? -1 : 1;
-    }
-    return x->triangle < y->triangle ? -1 : x->triangle > y->triangle;
-}
-
 /* Area and the gradients of the three shape functions in (u, v). */
 static tsuya_status shape(drape_element *e, const tsuya_drape_sheet *sheet, size_t t)
 {
@@ -67,11 +53,11 @@ static void add_hinge(drape_element *e, uint32_t corner, const drape_element *ot
     }
 }
 
-static tsuya_status connect(drape_element *element, uint32_t *edge, size_t *edge_count, half_edge *half, size_t count)
+static tsuya_status connect(drape_element *element, uint32_t *edge, size_t *edge_count, tsuya_side *half, size_t count)
 {
     *edge_count = 0;
     for (size_t i = 0, j; i < count; i = j) {
-        for (j = i + 1; j < count && half[j].low == half[i].low && half[j].high == half[i].high; j++) {
+        for (j = i + 1; j < count && tsuya_side_same_edge(&half[j], &half[i]); j++) {
         }
         if (j - i > 2) {
             return tsuya_fail(TSUYA_ERROR_INPUT, "drape: %zu triangles at the edge of vertices %u and %u; at most 2 are accepted", j - i,
@@ -81,8 +67,9 @@ static tsuya_status connect(drape_element *element, uint32_t *edge, size_t *edge
         edge[2 * *edge_count + 1] = half[i].high;
         ++*edge_count;
         if (j - i == 2) {
-            add_hinge(&element[half[i].triangle], half[i].corner, &element[half[i + 1].triangle], half[i + 1].corner);
-            add_hinge(&element[half[i + 1].triangle], half[i + 1].corner, &element[half[i].triangle], half[i].corner);
+            uint32_t one = half[i].corner, other = half[i + 1].corner;
+            add_hinge(&element[one / 3], one % 3, &element[other / 3], other % 3);
+            add_hinge(&element[other / 3], other % 3, &element[one / 3], one % 3);
         }
     }
     return TSUYA_OK;
@@ -91,7 +78,7 @@ static tsuya_status connect(drape_element *element, uint32_t *edge, size_t *edge
 tsuya_status tsuya_drape_elements_create(drape_element **element, uint32_t **edge, size_t *edge_count, const tsuya_drape_sheet *sheet)
 {
     tsuya_status status;
-    half_edge *half = NULL;
+    tsuya_side *half = NULL;
     size_t count = 3 * sheet->triangle_count;
     *edge = NULL;
     TSUYA_NEW(status, *element, sheet->triangle_count);
@@ -99,12 +86,8 @@ tsuya_status tsuya_drape_elements_create(drape_element **element, uint32_t **edg
     TSUYA_NEW(status, half, count);
     for (size_t t = 0; t < sheet->triangle_count; t++) {
         TSUYA_GOTO_DONE(status, shape(*element + t, sheet, t));
-        for (uint32_t k = 0; k < 3; k++) {
-            uint32_t a = sheet->triangle[3 * t + (k + 1) % 3], b = sheet->triangle[3 * t + (k + 2) % 3];
-            half[3 * t + k] = (half_edge){a < b ? a : b, a < b ? b : a, (uint32_t)t, k};
-        }
     }
-    qsort(half, count, sizeof *half, compare_half_edges);
+    (void)tsuya_mesh_sides(half, sheet->triangle, sheet->triangle_count);
     status = connect(*element, *edge, edge_count, half, count);
 done:
     tsuya_free(half);

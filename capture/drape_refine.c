@@ -5,46 +5,17 @@
 #include "core/memory.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
-
-typedef struct side { uint32_t low, high, corner; } side; /* corner: 3 triangle + the corner across */
-
-static int compare_sides(const void *a, const void *b)
-{
-    const side *x = a, *y = b;
-    return x->low != y->low ? (x->low < y->low ? -1 : 1) : x->high != y->high ? (x->high < y->high ? -1 : 1) : (x->corner > y->corner) - (x->corner < y->corner);
-}
 
 typedef struct refinement {
     const tsuya_drape_sheet *from;
     tsuya_drape_sheet *to;
-    side *side;
+    tsuya_side *side;
     uint32_t *edge;      /* of each side's corner: the new vertex' number among the edges */
     double *sum, *ring;  /* per vertex: sum of neighbours; of neighbours along the border */
     uint32_t *valence, *border;
     bool smooth;
 } refinement;
-
-static void sort_sides(refinement *r)
-{
-    for (size_t t = 0; t < r->from->triangle_count; t++) {
-        for (uint32_t k = 0; k < 3; k++) {
-            uint32_t a = r->from->triangle[3 * t + (k + 1) % 3], b = r->from->triangle[3 * t + (k + 2) % 3];
-            r->side[3 * t + k] = (side){a < b ? a : b, a < b ? b : a, (uint32_t)(3 * t) + k};
-        }
-    }
-    qsort(r->side, 3 * r->from->triangle_count, sizeof *r->side, compare_sides);
-}
-
-static size_t count_edges(const refinement *r)
-{
-    size_t edges = 0;
-    for (size_t i = 0; i < 3 * r->from->triangle_count; i++) {
-        edges += i == 0 || r->side[i].low != r->side[i - 1].low || r->side[i].high != r->side[i - 1].high;
-    }
-    return edges;
-}
 
 static void add_vertex(double *sum, uint32_t to, tsuya_vec3 p, uint32_t *count)
 {
@@ -59,7 +30,7 @@ static void place_edges(refinement *r)
     uint32_t number = (uint32_t)r->from->vertex_count;
     for (size_t i = 0, j; i < count; i = j, number++) {
         uint32_t a = r->side[i].low, b = r->side[i].high;
-        for (j = i; j < count && r->side[j].low == a && r->side[j].high == b; j++) {
+        for (j = i; j < count && tsuya_side_same_edge(&r->side[j], &r->side[i]); j++) {
             r->edge[r->side[j].corner] = number;
         }
         tsuya_vec3 p = drape_at(x, a), q = drape_at(x, b), middle = tsuya_vec3_scale(tsuya_vec3_add(p, q), 0.5);
@@ -124,8 +95,8 @@ tsuya_status tsuya_drape_sheet_subdivide(tsuya_drape_sheet *fine, const tsuya_dr
     TSUYA_NEW(status, r.ring, 3 * coarse->vertex_count);
     TSUYA_NEW(status, r.valence, coarse->vertex_count);
     TSUYA_NEW(status, r.border, coarse->vertex_count);
-    sort_sides(&r);
-    TSUYA_GOTO_DONE(status, tsuya_drape_sheet_create(fine, coarse->vertex_count + count_edges(&r), 4 * coarse->triangle_count));
+    size_t edges = tsuya_mesh_sides(r.side, coarse->triangle, coarse->triangle_count);
+    TSUYA_GOTO_DONE(status, tsuya_drape_sheet_create(fine, coarse->vertex_count + edges, 4 * coarse->triangle_count));
     place_edges(&r);
     place_vertices(&r);
     split_triangles(&r);

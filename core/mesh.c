@@ -3,6 +3,7 @@
 #include "core/memory.h"
 #include "core/mesh_arrays.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 const tsuya_mesh_array tsuya_mesh_arrays[TSUYA_MESH_ARRAY_COUNT] = {
@@ -196,4 +197,31 @@ tsuya_status tsuya_mesh_filter(tsuya_mesh *mesh, const uint8_t *keep_vertex, boo
     compact_vertices(mesh, renumber, kept);
     tsuya_free(renumber);
     return TSUYA_OK;
+}
+
+static int compare_sides(const void *a, const void *b)
+{
+    const tsuya_side *x = a, *y = b;
+    if (x->low != y->low) {
+        return x->low < y->low ? -1 : 1;
+    }
+    if (x->high != y->high) {
+        return x->high < y->high ? -1 : 1;
+    }
+    return (x->corner > y->corner) - (x->corner < y->corner);
+}
+
+size_t tsuya_mesh_sides(tsuya_side *side, const uint32_t *triangle, size_t triangle_count)
+{
+    size_t count = 3 * triangle_count, edges = 0;
+    for (size_t c = 0; c < count; c++) {
+        size_t first = c - c % 3;
+        uint32_t a = triangle[first + (c % 3 + 1) % 3], b = triangle[first + (c % 3 + 2) % 3];
+        side[c] = (tsuya_side){a < b ? a : b, a < b ? b : a, (uint32_t)c};
+    }
+    qsort(side, count, sizeof *side, compare_sides);
+    for (size_t i = 0; i < count; i++) {
+        edges += i == 0 || !tsuya_side_same_edge(&side[i], &side[i - 1]);
+    }
+    return edges;
 }

@@ -64,6 +64,11 @@ TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_mesh_compute_normals(tsuya_mesh *m
 TSUYA_API void tsuya_mesh_bounds(const tsuya_mesh *mesh, tsuya_vec3 *low, tsuya_vec3 *high); /* empty: low > high */
 TSUYA_API double tsuya_mesh_mean_edge(const tsuya_mesh *mesh);
 TSUYA_API double tsuya_mesh_area(const tsuya_mesh *mesh);
+/* One side of a triangle, its ends in order.  corner: 3 × triangle + the corner across; the side runs from the corner after it to the next. */
+typedef struct tsuya_side { uint32_t low, high, corner; } tsuya_side;
+/* Fills 3 × triangle_count sides, those of one edge beside each other, by low, high, corner; returns the number of edges. */
+TSUYA_API size_t tsuya_mesh_sides(tsuya_side *side, const uint32_t *triangle, size_t triangle_count);
+static inline bool tsuya_side_same_edge(const tsuya_side *a, const tsuya_side *b) { return a->low == b->low && a->high == b->high; }
 /* Drops what `keep_vertex` says no to, the triangles that touch it, and, with `drop_lonely`, vertices of no triangle.
  * Order is kept. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_mesh_filter(tsuya_mesh *mesh, const uint8_t *keep_vertex, bool drop_lonely);

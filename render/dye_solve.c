@@ -104,9 +104,8 @@ static int compare_double(const void *a, const void *b)
 }
 
 /* Median of value / (S + B): the gain if every place were white. */
-static double white_gain(const sample *s, int count, int c)
+static double white_gain(double ratio[PLACES_MOST], const sample *s, int count, int c)
 {
-    static double ratio[PLACES_MOST];
     int n = 0;
     for (int i = 0; i < count; i++) {
         const term *t = &s[i].list[0];
@@ -119,10 +118,10 @@ static double white_gain(const sample *s, int count, int c)
     return n > 0 ? ratio[n / 2] : NAN;
 }
 
-/* Over a wide range in steps, then by golden section about the best. */
-static double find_gain(const sample *s, int count, int c)
+/* Over a wide range in steps, then by golden section about the best.  white: see white_gain. */
+static double find_gain(double white, const sample *s, int count, int c)
 {
-    const double golden = 0.5 * (sqrt(5.0) - 1.0), low = log(0.3 * white_gain(s, count, c)), step = log(300.0) / GAIN_STEPS;
+    const double golden = 0.5 * (sqrt(5.0) - 1.0), low = log(0.3 * white), step = log(300.0) / GAIN_STEPS;
     double best = INFINITY, at = low;
     for (int k = 0; k <= GAIN_STEPS; k++) {
         double cost = disagreement(s, count, c, exp(low + k * step));
@@ -157,18 +156,22 @@ static int gather(sample *s, const tsuya_dye_problem *p)
 
 static tsuya_status find_gains(tsuya_dye_info *info, const tsuya_dye_problem *p)
 {
-    sample *s = tsuya_calloc(PLACES_MOST, sizeof *s);
-    if (!s) {
-        return TSUYA_ERROR_MEMORY;
-    }
+    tsuya_status status = TSUYA_OK;
+    sample *s = NULL;
+    double *ratio = NULL;
+    TSUYA_NEW(status, s, PLACES_MOST);
+    TSUYA_NEW(status, ratio, PLACES_MOST);
     int count = gather(s, p);
     for (int c = 0; c < 3; c++) {
-        info->gain[c] = find_gain(s, count, c);
+        info->gain[c] = find_gain(white_gain(ratio, s, count, c), s, count, c);
     }
+    if (!isfinite(info->gain[0] + info->gain[1] + info->gain[2])) {
+        status = tsuya_fail(TSUYA_ERROR_INPUT, "dye: no place of the cloth is lit and seen by three photographs; dyes need some");
+    }
+done:
     tsuya_free(s);
-    return isfinite(info->gain[0] + info->gain[1] + info->gain[2])
-               ? TSUYA_OK
-               : tsuya_fail(TSUYA_ERROR_INPUT, "dye: no place of the cloth is lit and seen by three photographs; dyes need some");
+    tsuya_free(ratio);
+    return status;
 }
 
 /* --- dyes --- */

@@ -3,41 +3,18 @@
 #include "core/memory.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
-/* One side of a triangle; sides of the same edge are neighbours after sorting. */
-typedef struct side {
-    uint32_t low, high, slot; /* slot: 3 × triangle + side */
-} side;
-
-static int compare_side(const void *a, const void *b)
+/* edge[corner]: number of the edge across it; returns how many there are. */
+static uint32_t number_edges(uint32_t *edge, tsuya_side *list, const tsuya_mesh *mesh)
 {
-    const side *x = a, *y = b;
-    if (x->low != y->low) {
-        return x->low < y->low ? -1 : 1;
+    size_t edges = tsuya_mesh_sides(list, mesh->triangle, mesh->triangle_count);
+    uint32_t number = 0;
+    for (size_t s = 0; s < 3 * mesh->triangle_count; s++) {
+        number += s > 0 && !tsuya_side_same_edge(&list[s], &list[s - 1]);
+        edge[list[s].corner] = number;
     }
-    if (x->high != y->high) {
-        return x->high < y->high ? -1 : 1;
-    }
-    return (x->slot > y->slot) - (x->slot < y->slot);
-}
-
-/* edge[slot]: number of the edge; returns how many there are. */
-static uint32_t number_edges(uint32_t *edge, side *list, const tsuya_mesh *mesh)
-{
-    size_t count = 3 * mesh->triangle_count;
-    uint32_t edges = 0;
-    for (size_t s = 0; s < count; s++) {
-        uint32_t a = mesh->triangle[s], b = mesh->triangle[s - s % 3 + (s + 1) % 3];
-        list[s] = (side){a < b ? a : b, a < b ? b : a, (uint32_t)s};
-    }
-    qsort(list, count, sizeof *list, compare_side);
-    for (size_t s = 0; s < count; s++) {
-        edges += s == 0 || list[s].low != list[s - 1].low || list[s].high != list[s - 1].high;
-        edge[list[s].slot] = edges - 1;
-    }
-    return edges;
+    return (uint32_t)edges;
 }
 
 typedef struct cutting {
@@ -61,7 +38,7 @@ static uint32_t vertex_at(const cutting *c, size_t triangle, int i, int j)
     if (at >= 0) {
         int step = at == 0 ? i : at == 1 ? j : k; /* from the side's first corner */
         step = v[at] < v[(at + 1) % 3] ? step : n - step;
-        return (uint32_t)c->mesh->vertex_count + c->edge[3 * triangle + (size_t)at] * (uint32_t)(n - 1) + (uint32_t)(step - 1);
+        return (uint32_t)c->mesh->vertex_count + c->edge[3 * triangle + (size_t)(at + 2) % 3] * (uint32_t)(n - 1) + (uint32_t)(step - 1);
     }
     size_t row = (size_t)(j - 1), before = row * (size_t)(n - 2) - row * (row - 1) / 2; /* rows above hold n − 2, n − 3, … */
     return (uint32_t)(c->mesh->vertex_count + (size_t)c->edges * (size_t)(n - 1) + triangle * inner_count(n) + before + (size_t)(i - 1));
@@ -169,7 +146,7 @@ static unsigned arrays_of(const tsuya_mesh *m)
 tsuya_status tsuya_mesh_split(tsuya_mesh *fine, tsuya_split_place **place, const tsuya_mesh *mesh, int n)
 {
     tsuya_status status = TSUYA_OK;
-    side *list = NULL;
+    tsuya_side *list = NULL;
     uint32_t *edge = NULL;
     *fine = (tsuya_mesh){0};
     *place = NULL;

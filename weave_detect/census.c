@@ -51,23 +51,6 @@ static void set_range(census *c, const tsuya_votes *votes)
     c->start = (weight > 0.0 ? sum / weight : 0.0) - 0.5 * BINS * BIN;
 }
 
-static void count(census *c, const tsuya_votes *votes, const float *area)
-{
-    for (size_t v = 0; v < votes->vertex_count; v++) {
-        double all = 1e-30;
-        for (int k = 0; k < votes->count[v]; k++) {
-            all += (double)votes->vote[v * TSUYA_VOTES + (size_t)k].weight;
-        }
-        for (int k = 0; k < votes->count[v]; k++) {
-            const tsuya_vote *vote = &votes->vote[v * TSUYA_VOTES + (size_t)k];
-            int place[2];
-            if (vote->confidence > 0.0f && place_of(place, c, vote)) {
-                c->sum[place[0] * BINS + place[1]] += (double)area[v] * (double)vote->weight * (double)vote->confidence / all;
-            }
-        }
-    }
-}
-
 static double around(const double *bins, int row, int column)
 {
     double sum = 0.0;
@@ -79,28 +62,23 @@ static double around(const double *bins, int row, int column)
     return sum;
 }
 
-/* Share of a vertex' votes that see finer threads than the pair at `place`. */
-static double finer_share(const census *c, const tsuya_votes *votes, size_t v, const int place[2])
+/* Whether one of a vertex' votes sees finer threads, known ones, than the pair at `place`. */
+static bool sees_finer(const census *c, const tsuya_votes *votes, size_t v, const int place[2])
 {
-    double finer = 0.0, all = 1e-30;
     for (int k = 0; k < votes->count[v]; k++) {
         const tsuya_vote *vote = &votes->vote[v * TSUYA_VOTES + (size_t)k];
         int own[2];
-        double w = (double)vote->weight * (double)vote->confidence;
-        all += w;
-        if (w > 0.0 && place_of(own, c, vote) && own[0] <= place[0] - FINER && own[1] <= place[1] - FINER &&
+        if (vote->confidence > 0.0f && vote->weight > 0.0f && place_of(own, c, vote) && own[0] <= place[0] - FINER && own[1] <= place[1] - FINER &&
             around(c->sum, own[0], own[1]) >= KNOWN * c->most) {
-            finer += w;
+            return true;
         }
     }
-    return finer / all;
+    return false;
 }
 
-static void find_prints(census *c, const tsuya_votes *votes, const float *area)
+/* Surface by pairs into `bins`: of all votes, or of those through which finer threads are seen. */
+static void count(double *bins, const census *c, const tsuya_votes *votes, const float *area, bool prints)
 {
-    for (int i = 0; i < BINS * BINS; i++) {
-        c->most = fmax(c->most, around(c->sum, i / BINS, i % BINS));
-    }
     for (size_t v = 0; v < votes->vertex_count; v++) {
         double all = 1e-30;
         for (int k = 0; k < votes->count[v]; k++) {
@@ -109,8 +87,8 @@ static void find_prints(census *c, const tsuya_votes *votes, const float *area)
         for (int k = 0; k < votes->count[v]; k++) {
             const tsuya_vote *vote = &votes->vote[v * TSUYA_VOTES + (size_t)k];
             int place[2];
-            if (vote->confidence > 0.0f && place_of(place, c, vote) && finer_share(c, votes, v, place) > 0.0) {
-                c->print[place[0] * BINS + place[1]] += (double)area[v] * (double)vote->weight * (double)vote->confidence / all;
+            if (vote->confidence > 0.0f && place_of(place, c, vote) && (!prints || sees_finer(c, votes, v, place))) {
+                bins[place[0] * BINS + place[1]] += (double)area[v] * (double)vote->weight * (double)vote->confidence / all;
             }
         }
     }
@@ -148,8 +126,11 @@ tsuya_status tsuya_census_apply(tsuya_votes *votes, const float *area)
     TSUYA_NEW(status, c.sum, (size_t)BINS * BINS);
     TSUYA_NEW(status, c.print, (size_t)BINS * BINS);
     set_range(&c, votes);
-    count(&c, votes, area);
-    find_prints(&c, votes, area);
+    count(c.sum, &c, votes, area, false);
+    for (int i = 0; i < BINS * BINS; i++) {
+        c.most = fmax(c.most, around(c.sum, i / BINS, i % BINS));
+    }
+    count(c.print, &c, votes, area, true);
     doubt(votes, &c);
 done:
     tsuya_free(c.sum);

@@ -134,9 +134,29 @@ static void every_allocation_may_fail(void **state)
     tsuya_memory_fail_at(0);
 }
 
+/* A tetrahedron and a triangle hung on one of its edges: eight edges, that edge with three sides, in order. */
+static void test_sides(void **state)
+{
+    (void)state;
+    const uint32_t triangle[] = {0, 1, 2, 0, 3, 1, 1, 3, 2, 2, 3, 0, 0, 1, 4};
+    tsuya_side side[15];
+    bool met[15] = {false};
+    assert_int_equal(tsuya_mesh_sides(side, triangle, 5), 8);
+    for (int i = 0; i < 15; i++) {
+        uint32_t c = side[i].corner, first = c - c % 3, a = triangle[first + (c % 3 + 1) % 3], b = triangle[first + (c % 3 + 2) % 3];
+        assert_true(c < 15 && !met[c] && side[i].low < side[i].high);
+        met[c] = true;
+        assert_int_equal(side[i].low + side[i].high, a + b);
+        assert_true(side[i].low == a || side[i].low == b);
+        assert_true(i == 0 || side[i - 1].low < side[i].low || (side[i - 1].low == side[i].low && side[i - 1].high <= side[i].high));
+    }
+    assert_true(tsuya_side_same_edge(&side[0], &side[2]) && !tsuya_side_same_edge(&side[2], &side[3])); /* 0–1 */
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_sides),
         cmocka_unit_test(sphere_has_the_area_bounds_and_normals_of_a_sphere),
         cmocka_unit_test(empty_mesh_has_no_extent),
         cmocka_unit_test(lonely_and_degenerate_parts_get_no_normal),
