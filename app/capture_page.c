@@ -10,7 +10,8 @@ enum { PICTURE_PX = 420, MOST_PICTURES = 24 };
 static void write_again(tsuya_html *html, const tsuya_check *check)
 {
     if (check->again == 0) {
-        tsuya_html_raw(html, "<p>Nothing to take again.</p>\n");
+        tsuya_html_raw(html, "<p>Nothing to take again%s%s.</p>\n", tsuya_check_blindness(check) ? "; but " : "",
+                       tsuya_check_blindness(check) ? tsuya_check_blindness(check) : "");
         return;
     }
     tsuya_html_raw(html, "<ul class=\"warnings\">\n");

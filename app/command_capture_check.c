@@ -91,6 +91,9 @@ static void print_advice(const tsuya_check *check)
             printf("  %s: %s\n", check->photo[i].photo.name, check->photo[i].fault[k]);
         }
     }
+    if (tsuya_check_blindness(check)) {
+        printf("\n%s\n", tsuya_check_blindness(check));
+    }
     if (check->placed == 0) {
         printf("\nviews: too little is shared to say which are missing\n");
         return;

@@ -33,6 +33,9 @@ tsuya_status tsuya_stage_capture_run(const tsuya_stage_run *run)
             tsuya_warn("%s: %s", check.photo[i].photo.name, check.photo[i].fault[k]);
         }
     }
+    if (tsuya_check_blindness(&check)) {
+        tsuya_warn("%s", tsuya_check_blindness(&check));
+    }
     tsuya_check_free(&check);
     return tsuya_json_save(run->figures, path);
 }

@@ -83,3 +83,14 @@ void tsuya_check_to_json(tsuya_json *object, const tsuya_check *check)
         photo_to_json(tsuya_json_add_object(list), check, &check->photo[i]);
     }
 }
+
+const char *tsuya_check_blindness(const tsuya_check *check)
+{
+    int alone = 0;
+    for (int i = 0; i < check->count; i++) {
+        alone += check->photo[i].neighbours == 0;
+    }
+    return check->count > 2 && 2 * alone > check->count
+               ? "most photographs share too few features with any other: brightness, colour, sameness and directions were not compared"
+               : NULL;
+}

@@ -97,4 +97,7 @@ TSUYA_API void tsuya_check_to_json(tsuya_json *object, const tsuya_check *check)
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_blur_measure(tsuya_blur *blur, const tsuya_image *grey, const tsuya_image *mask,
                                                            const tsuya_context *context);
 
+/* What a clean list of faults does not say, or NULL: that most photographs were compared with none. */
+TSUYA_API const char *tsuya_check_blindness(const tsuya_check *check);
+
 #endif

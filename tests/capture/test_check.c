@@ -96,10 +96,25 @@ static void empty_and_missing_folders_fail_clearly(void **state)
     assert_fails(tsuya_check_session(&check, empty, test_path("no-masks"), &options, &context), "no such folder of masks");
 }
 
+/* A clean list is no praise where nothing was compared. */
+static void a_check_says_what_it_could_not_see(void **state)
+{
+    (void)state;
+    tsuya_checked_photo photo[4] = {{.neighbours = 0}};
+    tsuya_check check = {.photo = photo, .count = 4};
+    assert_non_null(tsuya_check_blindness(&check));
+    photo[0].neighbours = photo[1].neighbours = 1;
+    assert_null(tsuya_check_blindness(&check));
+    check.count = 2; /* two photographs are no session */
+    photo[0].neighbours = photo[1].neighbours = 0;
+    assert_null(tsuya_check_blindness(&check));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(spoilt_photographs_of_a_jacket_are_named),
+        cmocka_unit_test(a_check_says_what_it_could_not_see),
         cmocka_unit_test(empty_and_missing_folders_fail_clearly),
     };
     return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
