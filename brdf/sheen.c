@@ -152,6 +152,9 @@ void tsuya_sheen_guide(double *value, const tsuya_sheen *s, const tsuya_half_ang
     }
 }
 
+/* A product of numbers that a file may each hold must not make f infinite. */
+static const double most_log = 200.0;
+
 void tsuya_sheen_surface(double *log_value, const tsuya_sheen *s, const tsuya_half_angles *a)
 {
     double wu[4], wv[4], wd[4];
@@ -172,6 +175,9 @@ void tsuya_sheen_surface(double *log_value, const tsuya_sheen *s, const tsuya_ha
         for (int c = 0; c < s->channels; ++c) {
             log_value[c] += tint[c] * part;
         }
+    }
+    for (int c = 0; c < s->channels; ++c) {
+        log_value[c] = fmin(log_value[c], most_log);
     }
 }
 

@@ -118,11 +118,16 @@ block_gloss(block *restrict b, const tsuya_sheen *s, const tsuya_direction_batch
     const float *restrict ix = d->wi_x + from, *restrict iy = d->wi_y + from, *restrict iz = d->wi_z + from;
     const float *restrict ox = d->wo_x + from, *restrict oy = d->wo_y + from, *restrict oz = d->wo_z + from;
     const float lowest = (float)s->lowest_cosine, per = (float)(2.0 / (1.0 - s->lowest_cosine)), warp = (float)s->gloss[0], weft = (float)s->gloss[1];
-    const float *r = s->fast_rise, r0 = r[0], r1 = r[1], r2 = r[2], r3 = r[3], r4 = r[4], r5 = r[5], r6 = r[6], r7 = r[7];
+    float a[TSUYA_SHEEN_RISE];
+    memcpy(a, s->fast_rise, sizeof a);
 #pragma omp simd
     for (int k = 0; k < count; ++k) {
         float x = ix[k] + ox[k], y = iy[k] + oy[k], z = iz[k] + oz[k], c = larger(0.5f * sqrtf(x * x + y * y + z * z), lowest);
-        float t = (c - lowest) * per - 1.0f, rise = r0 + t * (r1 + t * (r2 + t * (r3 + t * (r4 + t * (r5 + t * (r6 + t * r7))))));
+        float t = (c - lowest) * per - 1.0f, rise = a[TSUYA_SHEEN_RISE - 1];
+#pragma GCC unroll 16
+        for (int i = TSUYA_SHEEN_RISE - 2; i >= 0; --i) {
+            rise = rise * t + a[i];
+        }
         b->gloss[k] = (warp * b->warp[k] + weft * b->weft[k]) * rise;
     }
 }
@@ -198,7 +203,7 @@ block_values_alone(float *restrict value, const block *b, float warp, float weft
     }
 }
 
-static void eval_rows(const tsuya_sheen *s, int channels, const tsuya_direction_batch *batch, float *value)
+void tsuya_sheen_eval_rows(const tsuya_sheen *s, int channels, const tsuya_direction_batch *batch, float *value)
 {
     block b;
     pairs term[BLOCK];
@@ -236,6 +241,6 @@ void tsuya_sheen_eval_batch(const void *sheen, int channels, const tsuya_directi
     if (s->wide) {
         tsuya_sheen_eval_wide(s, channels, batch, value);
     } else {
-        eval_rows(s, channels, batch, value);
+        tsuya_sheen_eval_rows(s, channels, batch, value);
     }
 }

@@ -24,7 +24,8 @@ size_t tsuya_sheen_tables_bytes(const tsuya_sheen *sheen);
 
 /* Whether this processor has the registers. */
 bool tsuya_sheen_wide_here(void);
-/* As tsuya_sheen_eval_batch; only with `wide`. */
+/* As tsuya_sheen_eval_batch: on any processor, and only with `wide`. */
+void tsuya_sheen_eval_rows(const tsuya_sheen *sheen, int channels, const tsuya_direction_batch *batch, float *value);
 void tsuya_sheen_eval_wide(const tsuya_sheen *sheen, int channels, const tsuya_direction_batch *batch, float *value);
 
 #endif
