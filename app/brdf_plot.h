@@ -19,7 +19,7 @@ typedef struct tsuya_brdf_picture {
     tsuya_plot_bench bench;
     const char *channel;            /* of both; NULL: g, or the middle one */
     const char *title;
-    double scale, body;             /* drawn of the material: scale · f + body/π; scale 0: f as it is */
+    double scale, body;             /* drawn of the material: scale · f + body/π */
 } tsuya_brdf_picture;
 
 /* Lamp 30, 0 and camera 30, 180. */

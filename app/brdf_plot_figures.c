@@ -18,7 +18,7 @@ static double intensity(const tsuya_brdf_picture *p, const tsuya_plot_data *d, d
         return NAN;
     }
     tsuya_material_eval(p->material, NULL, wi, wo, value);
-    return p->scale > 0.0 ? (p->scale * value[d->material_channel] + p->body / M_PI) * wi.z : value[d->material_channel] * wi.z;
+    return (p->scale * value[d->material_channel] + p->body / M_PI) * wi.z;
 }
 
 static bool has_lines(const tsuya_plot_data *d) { return d->material_channel >= 0; }
@@ -124,8 +124,7 @@ tsuya_status tsuya_plot_pair(const char *path, const tsuya_brdf_picture *p, cons
     write_title(&g, p, d);
     fputc('\n', g.script);
     curve_axes(&g, d);
-    fprintf(g.script, "set yrange [0:%g]\nset title 'predicted from fibre and weave, times %.3g over a body of %.3g'\n", 1.05 * top,
-            p->scale > 0.0 ? p->scale : 1.0, p->body);
+    fprintf(g.script, "set yrange [0:%g]\nset title 'predicted from fibre and weave, times %.3g over a body of %.3g'\n", 1.05 * top, p->scale, p->body);
     write_curve_plot(&g, d, true, false);
     fputs("set title 'measured'\nunset ylabel\n", g.script);
     write_curve_plot(&g, d, false, true);

@@ -198,7 +198,7 @@ static int errors(double *value, const char **name, const row *rows, int count, 
 /* compare.png beside compare.csv */
 static tsuya_status draw(const char *csv, const row *rows, int count, int truths, const compare_input *input)
 {
-    const char *model[TSUYA_FIT_MODELS], *name[3 + TRUTHS + 1];
+    const char *model[TSUYA_FIT_MODELS], *name[3 + TRUTHS];
     double value[TSUYA_FIT_MODELS * (3 + TRUTHS)], ns[TSUYA_FIT_MODELS];
     int series = errors(value, name, rows, count, truths, input), stem = (int)(strlen(csv) - strlen(tsuya_path_extension(csv)));
     for (int m = 0; m < count; ++m) {

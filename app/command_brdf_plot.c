@@ -198,7 +198,7 @@ static tsuya_status plot(plot_input *input, const tsuya_common *common)
     TSUYA_GOTO_DONE(status, load(&material, &samples, input, &context));
     set_bench(input, &samples);
     tsuya_brdf_picture picture = {.material = material, .samples = samples.count ? &samples : NULL, .bench = input->bench, .channel = input->channel,
-                                  .title = tsuya_material_get_info(material).name};
+                                  .title = tsuya_material_get_info(material).name, .scale = 1.0};
     TSUYA_GOTO_DONE(status, tsuya_plot_data_create(&data, &picture));
     out = tsuya_json_create_object();
     if (!out) {

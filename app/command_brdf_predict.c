@@ -74,7 +74,7 @@ static tsuya_status compare(tsuya_json *out, const char *folder, const tsuya_mat
     char *path = NULL;
     TSUYA_TRY(tsuya_samples_load(&s, input->samples));
     tsuya_status status = TSUYA_OK;
-    tsuya_brdf_picture picture = {.material = m, .samples = &s, .bench = tsuya_plot_bench_default(), .title = input->options.name};
+    tsuya_brdf_picture picture = {.material = m, .samples = &s, .bench = tsuya_plot_bench_default(), .title = input->options.name, .scale = 1.0};
     if (s.channel_count != 3) {
         TSUYA_GOTO_DONE(status, tsuya_fail(TSUYA_ERROR_INPUT, "%s: %d channels; the prediction has r, g, b", input->samples, s.channel_count));
     }
