@@ -117,21 +117,15 @@ tsuya_status tsuya_material_set_dye(tsuya_material *material, const double rgb[3
             return tsuya_fail(TSUYA_ERROR_INPUT, "%s: a dye in r, g, b needs a material with the channels r, g, b; this one has %d",
                               material->name, material->channel_count);
         }
-        if (!(rgb[c] >= 0.0 && rgb[c] <= 1.0)) {
-            return tsuya_fail(TSUYA_ERROR_INPUT, "%s: dye %s %g: expected a linear reflectance in [0, 1]", material->name,
-                              rgb_channels[c], rgb[c]);
-        }
     }
-    memcpy(material->dye, rgb, 3 * sizeof *rgb);
-    material->coupling = TSUYA_DYE_UNDER_SURFACE;
-    return TSUYA_OK;
+    return tsuya_material_set_channel_dye(material, rgb);
 }
 
 tsuya_status tsuya_material_set_channel_dye(tsuya_material *material, const double *dye)
 {
     for (int c = 0; c < material->channel_count; ++c) {
         if (!(dye[c] >= 0.0 && dye[c] <= 1.0 + 1e-12)) {
-            return tsuya_fail(TSUYA_ERROR_INPUT, "%s: dye %s %g: expected a reflectance in [0, 1]", material->name, material->channel[c], dye[c]);
+            return tsuya_fail(TSUYA_ERROR_INPUT, "%s: dye %s %g: expected a linear reflectance in [0, 1]", material->name, material->channel[c], dye[c]);
         }
     }
     memcpy(material->dye, dye, (size_t)material->channel_count * sizeof *dye);

@@ -64,7 +64,7 @@ TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_material_ggx(tsuya_material **mate
 /* Replaces the dye by a diffuse reflectance in linear Rec.709, and lets it lie under the surface part.  Fails on values
  * outside [0, 1] and on materials whose channels are not r, g, b. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_material_set_dye(tsuya_material *material, const double rgb[3]);
-/* The same for any channels: channel_count reflectances in [0, 1]. */
+/* The same for any channels: channel_count reflectances in [0, 1], or above 1 by rounding (1e-12). */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_material_set_channel_dye(tsuya_material *material, const double *dye);
 /* The material's own dye, channel_count numbers, borrowed. */
 TSUYA_API const double *tsuya_material_dye(const tsuya_material *material);

@@ -79,10 +79,11 @@ tsuya_status tsuya_predict_hold_against(tsuya_predict_match *match, const tsuya_
     if (s->channel_count != 3) {
         return tsuya_fail(TSUYA_ERROR_INPUT, "%d channels of readings; the prediction has r, g, b", s->channel_count);
     }
-    double *predicted = tsuya_calloc((size_t)s->count * 6, sizeof *predicted), *scratch = predicted + (size_t)s->count * 3;
+    double *predicted = tsuya_calloc((size_t)s->count * 6, sizeof *predicted);
     if (!predicted) {
         return TSUYA_ERROR_MEMORY;
     }
+    double *scratch = predicted + (size_t)s->count * 3;
     tsuya_material_predict(predicted, material, s);
     match->error_cbrt = fit(match, scratch, s, predicted, true);
     match->error_without_body = fit(&alone, scratch, s, predicted, false);

@@ -1,9 +1,11 @@
+/* The numbers of a sheen in float, in the order in which batches read them: rows of control values for brdf/sheen_batch.c, cubics for
+ * brdf/sheen_wide.c. */
 #include "brdf/sheen_tables.h"
 
 #include "core/memory.h"
 
 static const double log2_e = 1.4426950408889634;
-static const int along_b[4] = {TSUYA_SHEEN_WARP_ALONG, TSUYA_SHEEN_WEFT_ACROSS, TSUYA_SHEEN_WARP_ACROSS, TSUYA_SHEEN_WEFT_ALONG};
+static const int paired[4] = {TSUYA_SHEEN_WARP_ALONG, TSUYA_SHEEN_WEFT_ACROSS, TSUYA_SHEEN_WARP_ACROSS, TSUYA_SHEEN_WEFT_ALONG};
 
 static int curve_floats(const tsuya_sheen *s) { return 2 * (s->spans + 3); }
 
@@ -28,8 +30,8 @@ static void fill_rows(const tsuya_sheen *s)
     tsuya_sheen_rows r = tsuya_sheen_rows_of(s);
     float *of[TSUYA_SHEEN_FACTORS] = {r.deep, r.round, r.tilt, r.tint};
     for (int k = 0; k < curve_floats(s); ++k) {
-        r.over_b[k] = (float)s->curve[along_b[k % 2]][k / 2];
-        r.over_t[k] = (float)s->curve[along_b[2 + k % 2]][k / 2];
+        r.over_b[k] = (float)s->curve[paired[k % 2]][k / 2];
+        r.over_t[k] = (float)s->curve[paired[2 + k % 2]][k / 2];
     }
     for (int factor = 0; factor < TSUYA_SHEEN_FACTORS && s->terms > 0; ++factor) {
         int size = tsuya_sheen_factor_size(s, factor), all = size + (factor == TSUYA_SHEEN_ROUND ? 3 : 0);

@@ -10,7 +10,7 @@
 
 #include <string.h>
 
-enum { MODES = 4, KINDS = 3, MOST = TSUYA_SHEEN_TERMS, USED = 6, FIRST_TURNS = 12, LAST_TURNS = 60, LONGEST = 260 };
+enum { MODES = 4, KINDS = 3, MOST = TSUYA_SHEEN_TERMS, USED = 6, FIRST_TURNS = 12, LAST_TURNS = 60, LONGEST = 260 }; /* LONGEST: of a file's sides and of channels, 256, and three */
 static const double ridge = 1e-8, good_enough = 1e-3; /* of a logarithm, root mean square */
 
 /* One of the three parts: its numbers in the order θd, φ, θ, channel, and its terms so far; f[mode][i * MOST + term]. */
