@@ -169,6 +169,45 @@ static void test_folded_points_take_the_other_cosine(void **state)
     tsuya_samples_free(&stage);
 }
 
+/* A Lambertian cloth of that reflectance, drawn at a scale over a body. */
+static void draw_pair(tsuya_image *drawn, const char *name, double scale, double body, double dull)
+{
+    static const char table[] = "# quantity=brdf\n# light_theta_deg=30\n# light_phi_deg=0\n# view_theta_deg=30\n# view_phi_deg=180\nazimuth_deg,tilt_deg,r,g,b\n"
+                                "0,-40,0.1,0.1,0.1\n0,40,0.1,0.1,0.1\n";
+    const double rgb[3] = {dull, dull, dull};
+    tsuya_samples stage;
+    tsuya_plot_data data;
+    tsuya_material *m;
+    assert_ok(tsuya_file_write(test_path("level.csv"), table, sizeof table - 1));
+    assert_ok(tsuya_samples_load(&stage, test_path("level.csv")));
+    assert_ok(tsuya_material_lambert(&m, rgb));
+    tsuya_brdf_picture picture = {.material = m, .samples = &stage, .title = "dull", .scale = scale, .body = body};
+    assert_true(tsuya_plot_bench_of(&picture.bench, &stage));
+    assert_ok(tsuya_plot_data_create(&data, &picture));
+    assert_ok(tsuya_plot_pair(test_path(name), &picture, &data));
+    assert_ok(tsuya_image_load(drawn, test_path(name)));
+    tsuya_plot_data_free(&data);
+    tsuya_material_free(m);
+    tsuya_samples_free(&stage);
+}
+
+/* Where a prediction adds nothing the picture shows the body, and not the prediction as it is. */
+static void test_pair_at_scale_zero(void **state)
+{
+    (void)state;
+    tsuya_image body, cloth, other;
+    draw_pair(&body, "body.png", 0.0, 0.5, 0.9);
+    draw_pair(&cloth, "cloth.png", 1.0, 0.0, 0.5);
+    draw_pair(&other, "other.png", 1.0, 0.0, 0.9);
+    const size_t titles = 75 * body.row_bytes, size = (size_t)body.height_px * body.row_bytes - titles; /* titles name the numbers */
+    assert_int_equal(body.row_bytes, cloth.row_bytes);
+    assert_memory_equal((char *)body.data + titles, (char *)cloth.data + titles, size);
+    assert_memory_not_equal((char *)other.data + titles, (char *)cloth.data + titles, size);
+    tsuya_image_free(&body);
+    tsuya_image_free(&cloth);
+    tsuya_image_free(&other);
+}
+
 static void test_predict_writes_a_material(void **state)
 {
     (void)state;
@@ -229,7 +268,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_plot_draws_three_figures), cmocka_unit_test(test_plot_refuses), cmocka_unit_test(test_directions_find_their_stage_angles),
-        cmocka_unit_test(test_folded_points_take_the_other_cosine),
+        cmocka_unit_test(test_folded_points_take_the_other_cosine), cmocka_unit_test(test_pair_at_scale_zero),
         cmocka_unit_test(test_predict_writes_a_material), cmocka_unit_test(test_plan_writes_stage_angles), cmocka_unit_test(test_compare_draws_and_takes_spectra), cmocka_unit_test(test_export_states_its_loss),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
