@@ -1,7 +1,7 @@
 #include "calib/covariance.h"
 
-#include "calib/dense.h"
 #include "calib/mrcal_adapter.h"
+#include "core/dense.h"
 #include "core/memory.h"
 
 #include <string.h>

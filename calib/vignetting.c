@@ -1,6 +1,6 @@
 #include "calib/color.h"
 
-#include "calib/dense.h"
+#include "core/dense.h"
 #include "core/memory.h"
 
 #include <stdlib.h>

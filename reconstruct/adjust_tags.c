@@ -1,5 +1,6 @@
 #include "reconstruct/adjust_tags.h"
 
+#include "core/dense.h"
 #include "core/memory.h"
 #include "reconstruct/scale_points.h"
 
@@ -135,7 +136,7 @@ static bool residual(double r[2], tsuya_vec3 *in_camera, tsuya_pose pose, const 
     return true;
 }
 
-static void accumulate(double a[6][7], const corner *k, tsuya_pose pose, double spread_px)
+static void accumulate(double a[6 * 6], double b[6], const corner *k, tsuya_pose pose, double spread_px)
 {
     double r[2];
     tsuya_vec3 c;
@@ -149,40 +150,11 @@ static void accumulate(double a[6][7], const corner *k, tsuya_pose pose, double 
         double j[6] = {turn.x, turn.y, turn.z, row[i].x, row[i].y, row[i].z};
         for (int m = 0; m < 6; m++) {
             for (int n = 0; n < 6; n++) {
-                a[m][n] += weight * j[m] * j[n];
+                a[6 * m + n] += weight * j[m] * j[n];
             }
-            a[m][6] += weight * j[m] * r[i];
+            b[m] += weight * j[m] * r[i];
         }
     }
-}
-
-/* Gaussian elimination with the largest pivot. */
-static bool solve(double x[6], double a[6][7])
-{
-    for (int i = 0; i < 6; i++) {
-        int pivot = i;
-        for (int k = i + 1; k < 6; k++) {
-            pivot = fabs(a[k][i]) > fabs(a[pivot][i]) ? k : pivot;
-        }
-        if (!(fabs(a[pivot][i]) > 1e-12)) {
-            return false;
-        }
-        for (int n = 0; n < 7; n++) {
-            double t = a[i][n];
-            a[i][n] = a[pivot][n];
-            a[pivot][n] = t;
-        }
-        for (int k = 0; k < 6; k++) {
-            double f = k == i ? 0.0 : a[k][i] / a[i][i];
-            for (int n = i; n < 7; n++) {
-                a[k][n] -= f * a[i][n];
-            }
-        }
-    }
-    for (int i = 0; i < 6; i++) {
-        x[i] = a[i][6] / a[i][i];
-    }
-    return true;
 }
 
 /* Gauss–Newton on the reprojection error with Cauchy's weight, whose width falls to what agreement means. */
@@ -190,16 +162,18 @@ static bool settle(tsuya_pose *pose, const corner *k, int n)
 {
     double spread = FIRST_SPREAD_PX;
     for (int step = 0; step < STEPS; step++) {
-        double a[6][7] = {{0}}, x[6];
+        double a[6 * 6] = {0}, x[6] = {0};
         for (int i = 0; i < n; i++) {
-            accumulate(a, &k[i], *pose, spread);
+            accumulate(a, x, &k[i], *pose, spread);
         }
         for (int i = 0; i < 6; i++) {
-            a[i][i] *= 1.0 + 1e-6;
+            a[7 * i] *= 1.0 + 1e-6;
         }
-        if (!solve(x, a)) {
+        if (!tsuya_dense_cholesky(a, 6)) {
             return false;
         }
+        tsuya_dense_forward(a, x, 6, 1);
+        tsuya_dense_backward(a, x, 6, 1);
         tsuya_pose moved = {tsuya_mat3_from_rodrigues((tsuya_vec3){x[0], x[1], x[2]}), {x[3], x[4], x[5]}};
         *pose = tsuya_pose_compose(moved, *pose);
         spread = fmax(AGREE_PX, SPREAD_FALLS * spread);

@@ -1,5 +1,6 @@
 #include "reconstruct/scale_fit.h"
 
+#include "core/dense.h"
 #include "core/memory.h"
 #include "reconstruct/scale_points.h"
 
@@ -145,42 +146,6 @@ static bool start(tsuya_scale_problem *p)
     return most > 0;
 }
 
-/* x = A⁻¹ b for two right sides at once; A symmetric positive definite, used up. */
-static bool solve_plate(double a[UNKNOWNS][UNKNOWNS], double b[2][UNKNOWNS])
-{
-    for (int j = 0; j < UNKNOWNS; j++) {
-        double pivot = a[j][j];
-        for (int k = 0; k < j; k++) {
-            pivot -= a[j][k] * a[j][k];
-        }
-        if (!(pivot > 1e-14 * a[j][j])) {
-            return false;
-        }
-        a[j][j] = sqrt(pivot);
-        for (int i = j + 1; i < UNKNOWNS; i++) {
-            for (int k = 0; k < j; k++) {
-                a[i][j] -= a[i][k] * a[j][k];
-            }
-            a[i][j] /= a[j][j];
-        }
-    }
-    for (int s = 0; s < 2; s++) {
-        for (int i = 0; i < UNKNOWNS; i++) {
-            for (int k = 0; k < i; k++) {
-                b[s][i] -= a[i][k] * b[s][k];
-            }
-            b[s][i] /= a[i][i];
-        }
-        for (int i = UNKNOWNS - 1; i >= 0; i--) {
-            for (int k = i + 1; k < UNKNOWNS; k++) {
-                b[s][i] -= a[k][i] * b[s][k];
-            }
-            b[s][i] /= a[i][i];
-        }
-    }
-    return true;
-}
-
 /* Derivatives of a corner's error: by rotation, translation, growth (columns 0 … 6) and by the scale's logarithm (7). */
 static void derivatives(double j[3][UNKNOWNS + 1], const tsuya_scale_fit *f, const tsuya_scale_item *i)
 {
@@ -225,7 +190,7 @@ static bool step(tsuya_scale_fit *f, const tsuya_scale_problem *p)
     double curvature = 0.0, gradient = 0.0, x[TSUYA_SCALE_PLATES][2][UNKNOWNS];
     for (int k = 0; k < p->input->plate_count; k++) {
         normal n = {.b = {0}};
-        double a[UNKNOWNS][UNKNOWNS];
+        double a[UNKNOWNS * UNKNOWNS];
         if (!f->plate[k].used) {
             continue;
         }
@@ -240,12 +205,16 @@ static bool step(tsuya_scale_fit *f, const tsuya_scale_problem *p)
         n.a[6][6] += 1.0 / (GROWTH_SIGMA * GROWTH_SIGMA);
         n.b[6] -= f->plate[k].growth / (GROWTH_SIGMA * GROWTH_SIGMA);
         for (int c = 0; c < UNKNOWNS; c++) {
-            memcpy(a[c], n.a[c], sizeof a[c]);
+            memcpy(a + c * UNKNOWNS, n.a[c], UNKNOWNS * sizeof *a);
             x[k][0][c] = n.b[c];
             x[k][1][c] = n.a[c][7];
         }
-        if (!solve_plate(a, x[k])) {
+        if (!tsuya_dense_cholesky(a, UNKNOWNS)) {
             return false;
+        }
+        for (int side = 0; side < 2; side++) {
+            tsuya_dense_forward(a, x[k][side], UNKNOWNS, 1);
+            tsuya_dense_backward(a, x[k][side], UNKNOWNS, 1);
         }
         curvature += n.a[7][7];
         gradient += n.b[7];

@@ -1,6 +1,6 @@
-/* Small dense symmetric matrices, row by row: what the uncertainty needs. */
-#ifndef TSUYA_CALIB_DENSE_H
-#define TSUYA_CALIB_DENSE_H
+/* Small dense symmetric matrices, row by row. */
+#ifndef TSUYA_CORE_DENSE_H
+#define TSUYA_CORE_DENSE_H
 
 #include <stdbool.h>
 

@@ -1,4 +1,4 @@
-#include "calib/dense.h"
+#include "core/dense.h"
 
 #include <math.h>
 
