@@ -47,6 +47,21 @@ static bool residual(double *dx, double *dy, const tsuya_sparse_model *model, co
     return true;
 }
 
+/* |residual| along x and y of a view's observations, of points that are still there (`kept` NULL: all). */
+static size_t residuals_of(double *value, const tsuya_sparse_model *model, const tsuya_view *view, const int *kept)
+{
+    size_t count = 0;
+    double dx, dy;
+    for (int k = 0; k < view->observation_count; k++) {
+        const tsuya_observation *o = &view->observation[k];
+        if (o->point >= 0 && (!kept || kept[o->point] > 0) && residual(&dx, &dy, model, view, o)) {
+            value[count++] = fabs(dx);
+            value[count++] = fabs(dy);
+        }
+    }
+    return count;
+}
+
 /* Each view's scatter over the observations of points that are still there; views with few take the set's. */
 static void measure(adjustment *a)
 {
@@ -54,16 +69,8 @@ static void measure(adjustment *a)
     double *spread = a->scratch;
     size_t views = 0;
     for (int v = 0; v < m->view_count; v++) {
-        const tsuya_view *view = &m->view[v];
-        double *value = a->scratch + m->view_count, dx, dy;
-        size_t count = 0;
-        for (int k = 0; k < view->observation_count; k++) {
-            const tsuya_observation *o = &view->observation[k];
-            if (o->point >= 0 && a->kept[o->point] > 0 && residual(&dx, &dy, m, view, o)) {
-                value[count++] = fabs(dx);
-                value[count++] = fabs(dy);
-            }
-        }
+        double *value = a->scratch + m->view_count;
+        size_t count = residuals_of(value, m, &m->view[v], a->kept);
         a->sigma_px[v] = count >= 2 * FEW ? 1.4826 * median(value, count) : NAN;
         if (count >= 2 * FEW) {
             spread[views++] = a->sigma_px[v];
@@ -263,7 +270,6 @@ done:
 static tsuya_status scatter(double *sigma_px, const tsuya_sparse_model *model)
 {
     size_t most = 0, count = 0;
-    double dx, dy;
     for (int v = 0; v < model->view_count; v++) {
         most += 2 * (size_t)model->view[v].observation_count;
     }
@@ -272,13 +278,7 @@ static tsuya_status scatter(double *sigma_px, const tsuya_sparse_model *model)
         return TSUYA_ERROR_MEMORY;
     }
     for (int v = 0; v < model->view_count; v++) {
-        for (int k = 0; k < model->view[v].observation_count; k++) {
-            const tsuya_observation *o = &model->view[v].observation[k];
-            if (o->point >= 0 && residual(&dx, &dy, model, &model->view[v], o)) {
-                value[count++] = fabs(dx);
-                value[count++] = fabs(dy);
-            }
-        }
+        count += residuals_of(value + count, model, &model->view[v], NULL);
     }
     *sigma_px = 1.4826 * median(value, count);
     tsuya_free(value);
@@ -287,14 +287,16 @@ static tsuya_status scatter(double *sigma_px, const tsuya_sparse_model *model)
 
 static tsuya_status add_tags(tsuya_sparse_model *model, tsuya_adjust_info *info, int *observations, const tsuya_scale_input *tags)
 {
-    double sigma_px;
+    double sigma_px = 0.0;
     for (int v = 0; v < model->view_count; v++) {
         observations[v] = model->view[v].observation_count;
     }
     for (size_t i = 0; i < model->point_count; i++) {
         model->point[i].point_id = i + 1;
     }
-    TSUYA_TRY(scatter(&sigma_px, model));
+    if (tags) {
+        TSUYA_TRY(scatter(&sigma_px, model));
+    }
     return tsuya_tags_append(model, &info->tag_observations, tags, sigma_px);
 }
 

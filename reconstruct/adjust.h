@@ -14,7 +14,7 @@
 
 typedef struct tsuya_adjust_info {
     size_t observations, kept;
-    size_t tag_observations; /* corners of tags that took part beside them */
+    size_t tag_observations; /* of these, corners of tags; a sharp one counts up to four times */
     double sigma_px;  /* median over the photographs, of the last round */
     int rounds;
 } tsuya_adjust_info;
