@@ -130,7 +130,7 @@ static void verdict(page *p)
 static void residuals(page *p)
 {
     const tsuya_solve *s = &p->c->solve;
-    double k = 560.0 / s->camera.width_px, magnify = 12.0 / fmax(s->rms_px, 1e-6) / 1.0;
+    double k = 560.0 / s->camera.width_px, magnify = 12.0 / fmax(s->rms_px, 1e-6);
     int step = s->observation_count / ARROWS + 1;
     tsuya_html_raw(&p->html, "<figure><svg viewBox=\"0 0 560 %.0f\" role=\"img\" aria-label=\"Residuals\">", k * s->camera.height_px);
     for (int i = 0; i < s->observation_count; i += step) {
@@ -162,7 +162,7 @@ static void coverage(page *p)
 
 static void maps(page *p)
 {
-    tsuya_html_raw(&p->html, "<section><h2>Where it is known, and where not</h2><p class=\"lead\">Hatched: no board was seen there.</p>"
+    tsuya_html_raw(&p->html, "<section><h2>Where it is known, and where not</h2><p class=\"lead\">Hatched: no board was seen there. Grey: the lens does not reach there.</p>"
                              "<div class=\"grid g2\">\n");
     residuals(p);
     coverage(p);
@@ -187,12 +187,20 @@ static void lenses(page *p)
     tsuya_html_raw(&p->html, "</table></section>\n");
 }
 
+static const char *about_bends(const tsuya_calibration *c)
+{
+    if (c->solve.bent) {
+        return "Height of the middle over the edges, and of the corners over the middle by the twist.";
+    }
+    return c->trial[c->trials - 1].bent ? "Taken as flat: bends do not lower the held-out error by enough (above)." : "Taken as flat: too few photographs to tell bends.";
+}
+
 static void plates(page *p)
 {
     const tsuya_solve *s = &p->c->solve;
     tsuya_html_raw(&p->html, "<section><h2>Plates as they are</h2><p class=\"lead\">%s</p><table><tr><th>Plate</th><th class=\"n\">Tags larger by</th><th class=\"n\">Bend along x</th>"
                              "<th class=\"n\">along y</th><th class=\"n\">Twist</th></tr>\n",
-                   s->bent ? "Height of the middle over the edges, and of the corners over the middle by the twist." : "Taken as flat: bends would not lower the held-out error.");
+                   about_bends(p->c));
     for (int i = 0; i < s->board->plate_count; i++) {
         const tsuya_plate_shape *q = &s->shape[i];
         tsuya_html_raw(&p->html, "<tr><td>");
