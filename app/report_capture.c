@@ -2,54 +2,58 @@
 #include "app/report_parts.h"
 
 #include <math.h>
-#include <string.h>
+#include <stdio.h>
 
-static void write_cell(tsuya_report *report, const tsuya_json *object, const char *key)
+/* Of a record's numbers the largest, times `factor`. */
+typedef struct column {
+    const char *title, *key[3], *format;
+    double factor;
+} column;
+
+static const column PHOTOGRAPH[] = {
+    {"edge px", {"blur_px"}, "%.2f", 1.0},
+    {"clip %", {"clipped_red", "clipped_green", "clipped_blue"}, "%.2f", 100.0},
+    {"EV", {"exposure_ev"}, "%.2f", 1.0},
+    {"red EV", {"red_ev"}, "%.2f", 1.0},
+    {"blue EV", {"blue_ev"}, "%.2f", 1.0},
+    {"overlaps", {"neighbours"}, "%.0f", 1.0},
+    {"azimuth °", {"azimuth_deg"}, "%.0f", 1.0},
+    {"elevation °", {"elevation_deg"}, "%.0f", 1.0},
+};
+static const column MISSING[] = {{"covers more, %", {"gain"}, "%.1f", 100.0}};
+
+static void write_cell(tsuya_report *report, const tsuya_json *record, const column *c)
 {
-    const tsuya_json *value = tsuya_json_member(object, key);
-    bool flag;
-    if (tsuya_json_is_number(value)) {
-        tsuya_html_raw(&report->html, "<td class=\"n\">%.3g</td>", tsuya_json_number_or(value, 0.0));
-        return;
+    double value = NAN;
+    char text[32] = "–";
+    for (int k = 0; k < 3 && c->key[k]; k++) {
+        value = fmax(value, c->factor * tsuya_json_number_or(tsuya_json_member(record, c->key[k]), NAN));
     }
-    tsuya_html_raw(&report->html, "<td>");
-    if (tsuya_json_is_text(value)) {
-        tsuya_html_text(&report->html, tsuya_json_text_or(value, ""));
-    } else if (value && !tsuya_json_is_null(value) && tsuya_json_get_bool(&flag, object, key) == TSUYA_OK) {
-        tsuya_html_text(&report->html, flag ? "yes" : "no");
-    } else {
-        tsuya_html_text(&report->html, "–");
+    if (isfinite(value)) {
+        snprintf(text, sizeof text, c->format, value);
     }
-    tsuya_html_raw(&report->html, "</td>");
+    tsuya_html_raw(&report->html, "<td class=\"n\">%s</td>", text);
 }
 
-/* One row a record, one column a key of the first that holds one value; underscores read as spaces. */
-static void write_table(tsuya_report *report, const tsuya_json *records)
+/* One row a record: what `name` says, and its numbers. */
+static void write_table(tsuya_report *report, const tsuya_json *records, const char *title, const char *name, const column *c, size_t count)
 {
-    const tsuya_json *first = tsuya_json_first(records);
-    tsuya_html_raw(&report->html, "<div class=\"wide\"><table><tr>");
-    for (const tsuya_json *k = tsuya_json_first(first); k; k = tsuya_json_next(k)) {
-        char title[96];
-        if (tsuya_json_is_array(k)) {
-            continue;
-        }
-        snprintf(title, sizeof title, "%s", tsuya_json_key(k));
-        for (char *c = strchr(title, '_'); c; c = strchr(c, '_')) {
-            *c = ' ';
-        }
-        tsuya_html_raw(&report->html, tsuya_json_is_number(k) ? "<th class=\"n\">" : "<th>");
-        tsuya_html_text(&report->html, title);
-        tsuya_html_raw(&report->html, "</th>");
+    if (!tsuya_json_first(records)) {
+        return;
+    }
+    tsuya_html_raw(&report->html, "<div class=\"wide\"><table><tr><th>%s</th>", title);
+    for (size_t k = 0; k < count; k++) {
+        tsuya_html_raw(&report->html, "<th class=\"n\">%s</th>", c[k].title);
     }
     tsuya_html_raw(&report->html, "</tr>\n");
     for (const tsuya_json *r = tsuya_json_first(records); r; r = tsuya_json_next(r)) {
         bool again = false;
         bool bad = tsuya_json_member(r, "again") && tsuya_json_get_bool(&again, r, "again") == TSUYA_OK && again;
-        tsuya_html_raw(&report->html, bad ? "<tr class=\"bad\">" : "<tr>");
-        for (const tsuya_json *k = tsuya_json_first(first); k; k = tsuya_json_next(k)) {
-            if (!tsuya_json_is_array(k)) {
-                write_cell(report, r, tsuya_json_key(k));
-            }
+        tsuya_html_raw(&report->html, bad ? "<tr class=\"bad\"><td>" : "<tr><td>");
+        tsuya_html_text(&report->html, tsuya_json_text_or(tsuya_json_member(r, name), "–"));
+        tsuya_html_raw(&report->html, "</td>");
+        for (size_t k = 0; k < count; k++) {
+            write_cell(report, r, &c[k]);
         }
         tsuya_html_raw(&report->html, "</tr>\n");
     }
@@ -79,10 +83,7 @@ void tsuya_report_capture(tsuya_report *report)
     }
     tsuya_report_open(report, "capture", "Photographs", "Sharpness, clipping and exposure of every photograph, as they came.");
     write_list(report, tsuya_json_member(figures, "again"));
-    for (const tsuya_json *m = tsuya_json_first(figures); m; m = tsuya_json_next(m)) {
-        if (tsuya_json_is_array(m) && tsuya_json_is_object(tsuya_json_first(m))) {
-            write_table(report, m);
-        }
-    }
+    write_table(report, tsuya_json_member(figures, "missing"), "Take one", "where", MISSING, sizeof MISSING / sizeof *MISSING);
+    write_table(report, tsuya_json_member(figures, "photographs"), "Photograph", "name", PHOTOGRAPH, sizeof PHOTOGRAPH / sizeof *PHOTOGRAPH);
     tsuya_report_close(report);
 }
