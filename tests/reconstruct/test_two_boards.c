@@ -1,10 +1,9 @@
 /* Ten photographs of a phone with two flat boards of tags and a box: one reconstruction, metric by the boards; distances between
- * their tags, and how flat the dense points of each board lie. */
+ * their tags, tags held out, the angle between the boards, and how flat the dense points of each board lie. */
 #include "support.h"
 
+#include "app/calib_run.h"
 #include "app/calib_scale.h"
-#include "calib/calibrate.h"
-#include "calib/detect.h"
 #include "core/mesh.h"
 #include "core/process.h"
 #include "reconstruct/reconstruct.h"
@@ -12,26 +11,14 @@
 static const char *const FOLDER = "calib/two_boards";
 static const double NEAR_M = 0.008; /* of the board: what stands on it lies farther off */
 
-static void calibrate(const tsuya_photo_set *photos, const char *board_path, const char *camera, const tsuya_context *context)
+static void calibrate(const char *photos, const char *board, const char *camera, const tsuya_context *context)
 {
-    tsuya_board board;
-    tsuya_corner_set corners;
-    tsuya_detect_info detected;
-    tsuya_calibration c;
-    tsuya_calibrate_options options = tsuya_calibrate_options_default();
-    const char *path[64];
-    assert_true(photos->count <= 64);
-    for (int i = 0; i < photos->count; i++) {
-        path[i] = photos->photo[i].path;
-    }
-    assert_ok(tsuya_board_load(&board, board_path));
-    assert_ok(tsuya_detect_photos(&corners, &detected, &board, path, photos->count, context));
-    assert_ok(tsuya_calibrate(&c, &board, &corners, detected.width_px, detected.height_px, &options, context));
-    assert_ok(tsuya_cameramodel_save(&c.solve.camera, tsuya_pose_identity(), camera));
-    tsuya_calibration_free(&c);
-    tsuya_detect_info_free(&detected);
-    tsuya_corner_set_free(&corners);
-    tsuya_board_free(&board);
+    tsuya_json *figures = tsuya_json_create_object();
+    tsuya_calib_input input = {.board = board, .photos = &photos, .photo_count = 1, .folder = test_folder(), .model = camera,
+                               .options = tsuya_calibrate_options_default()};
+    assert_non_null(figures);
+    assert_ok(tsuya_calib_run(figures, &input, context));
+    tsuya_json_free(figures);
 }
 
 /* Photographs that show the tag. */
@@ -63,33 +50,24 @@ static bool on_a_tag(const tsuya_scale_input *input, const int *seen, int plate,
     return false;
 }
 
-/* Root mean square distance from the plane z = a x + b y + c through the points, whose slope is small. */
+/* Root mean square distance from the plane through the points. */
 static double flatness(const tsuya_vec3 *p, size_t count)
 {
-    double m[3][4] = {{0}};
+    tsuya_vec3 middle = {0, 0, 0};
+    tsuya_mat3 spread = {{{0}}}, axes;
+    double variance[3];
     for (size_t i = 0; i < count; i++) {
-        const double row[3] = {p[i].x, p[i].y, 1.0};
-        for (int r = 0; r < 3; r++) {
-            for (int c = 0; c < 3; c++) {
-                m[r][c] += row[r] * row[c];
-            }
-            m[r][3] += row[r] * p[i].z;
+        middle = tsuya_vec3_mad(middle, 1.0 / (double)count, p[i]);
+    }
+    for (size_t i = 0; i < count; i++) {
+        tsuya_vec3 d = tsuya_vec3_sub(p[i], middle);
+        double e[3] = {d.x, d.y, d.z};
+        for (int k = 0; k < 9; k++) {
+            spread.e[k / 3][k % 3] += e[k / 3] * e[k % 3] / (double)count;
         }
     }
-    for (int i = 0; i < 3; i++) { /* symmetric positive definite: no pivoting */
-        for (int r = 0; r < 3; r++) {
-            double f = r == i ? 0.0 : m[r][i] / m[i][i];
-            for (int c = i; c < 4; c++) {
-                m[r][c] -= f * m[i][c];
-            }
-        }
-    }
-    double sum = 0.0, a = m[0][3] / m[0][0], b = m[1][3] / m[1][1], c = m[2][3] / m[2][2];
-    for (size_t i = 0; i < count; i++) {
-        double e = p[i].z - a * p[i].x - b * p[i].y - c;
-        sum += e * e;
-    }
-    return sqrt(sum / (double)count);
+    tsuya_mat3_eigen_symmetric(spread, variance, &axes);
+    return sqrt(variance[0]);
 }
 
 static void assert_flat(const tsuya_mesh *cloud, const tsuya_scale_input *input, int plate, tsuya_pose plate_from_world)
@@ -134,7 +112,7 @@ static void both_boards_are_flat_and_to_scale(void **state)
     snprintf(camera, sizeof camera, "%s", test_path("camera.cameramodel"));
     snprintf(output, sizeof output, "%s", test_path("shape"));
     assert_ok(tsuya_photo_set_load(&set, photos, NULL));
-    calibrate(&set, board, camera, &context);
+    calibrate(photos, board, camera, &context);
     assert_ok(tsuya_calib_scale_from_board(&scale, board, &set, &context));
     options.photos = photos;
     options.output = output;
@@ -144,8 +122,11 @@ static void both_boards_are_flat_and_to_scale(void **state)
     assert_int_equal(info.registered, set.count);
     const tsuya_json *figures = tsuya_json_member(info.parts, "scale");
     double spacing = tsuya_json_number_or(tsuya_json_member(figures, "spacing_rms_m"), NAN);
-    print_message("two_boards: distances between tags %.3f mm RMS, held-out tags %.3f mm\n", 1e3 * spacing, 1e3 * info.scale_rms_m);
+    double angle = tsuya_json_number_or(tsuya_json_member(tsuya_json_element(tsuya_json_member(figures, "plates"), 1), "angle_deg"), NAN);
+    print_message("two_boards: distances between tags %.3f mm RMS, held-out tags %.3f mm, angle %.2f degrees\n", 1e3 * spacing, 1e3 * info.scale_rms_m, angle);
     assert_true(spacing <= 3e-4);
+    assert_true(info.scale_rms_m <= 5e-4);
+    assert_near(angle, 93.8, 0.3);
     snprintf(path, sizeof path, "%.4000s/sparse/0", output);
     assert_ok(tsuya_sparse_model_load(&model, path));
     assert_ok(tsuya_scale_find(&metric, &found, &model, &scale.input));
