@@ -173,6 +173,12 @@ static void maps(page *p)
     tsuya_html_raw(&p->html, "</div></section>\n");
 }
 
+/* A dash where there is no value: without halves nothing is held out. */
+static void number_cell(page *p, int digits, double value)
+{
+    tsuya_html_raw(&p->html, isfinite(value) ? "<td class=\"n\">%.*f</td>" : "<td class=\"n\">–</td>", digits, value);
+}
+
 static void lenses(page *p)
 {
     const tsuya_calibration *c = p->c;
@@ -180,9 +186,13 @@ static void lenses(page *p)
                              "<th class=\"n\">Cross-validation p90, px</th><th class=\"n\">at infinity, px</th></tr>\n");
     for (int i = 0; i < c->trials; i++) {
         const tsuya_calibrate_trial *t = &c->trial[i];
-        tsuya_html_raw(&p->html, "<tr><td>%s%s%s%s</td><td class=\"n\">%.4f</td><td class=\"n\">%.4f</td><td class=\"n\">%.3f</td><td class=\"n\">%.3f</td></tr>\n",
-                       i == c->chosen ? "<b>" : "", tsuya_lens_name(t->lens), t->bent ? ", bent plates" : "", i == c->chosen ? "</b>, chosen" : "", t->rms_px, t->heldout_px, t->cross.p90,
-                       t->cross_infinity.p90);
+        bool chosen = i == c->chosen;
+        tsuya_html_raw(&p->html, "<tr><td>%s%s%s%s</td>", chosen ? "<b>" : "", tsuya_lens_name(t->lens), t->bent ? ", bent plates" : "", chosen ? "</b>, chosen" : "");
+        number_cell(p, 4, t->rms_px);
+        number_cell(p, 4, t->heldout_px);
+        number_cell(p, 3, t->cross.p90);
+        number_cell(p, 3, t->cross_infinity.p90);
+        tsuya_html_raw(&p->html, "</tr>\n");
     }
     tsuya_html_raw(&p->html, "</table></section>\n");
 }
@@ -243,7 +253,8 @@ static void photographs(page *p)
         tsuya_html_raw(&p->html, corners ? "%.3f" : "–", corners ? s->photo_sigma_px[i] : 0.0);
         if (p->detected) {
             const tsuya_detect_report *d = &p->detected->report[i];
-            tsuya_html_raw(&p->html, "</td><td class=\"n\">%.2f (p90 %.2f)</td><td class=\"n\">", d->blur_px, d->blur_high_px);
+            tsuya_html_raw(&p->html, isfinite(d->blur_px) ? "</td><td class=\"n\">%.2f (p90 %.2f)</td><td class=\"n\">" : "</td><td class=\"n\">–</td><td class=\"n\">",
+                           d->blur_px, d->blur_high_px);
             tsuya_html_raw(&p->html, "%d unknown, %d twice, %d misplaced</td></tr>\n", d->rejected.foreign, d->rejected.twice, d->rejected.misplaced);
         } else {
             tsuya_html_raw(&p->html, "</td><td class=\"n\">–</td><td class=\"n\">–</td></tr>\n");

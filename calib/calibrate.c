@@ -274,7 +274,8 @@ static tsuya_status try_bent(tsuya_calibration *c, memory *m, halves *h, const t
     c->solve.bent = bent->heldout_px < (1.0 - WORTH) * flat->heldout_px && (agrees || !c->cross_validates);
     if (c->solve.bent) {
         size_t used = strlen(c->reason);
-        snprintf(c->reason + used, sizeof c->reason - used, "; the plates are not flat: with their bends the held-out error is %.3f px", bent->heldout_px);
+        snprintf(c->reason + used, sizeof c->reason - used, "; the plates are not flat: with their bends the held-out error is %.3f px (p90 %.3f px)",
+                 bent->heldout_px, bent->cross.p90);
         c->cross_validates = agrees && isfinite(bent->cross.p90);
         c->chosen = c->trials - 1;
     }
