@@ -308,9 +308,9 @@ done:
     return status;
 }
 
-tsuya_status tsuya_colmap_undistort(tsuya_colmap *colmap, const char *input, const char *output)
+tsuya_status tsuya_colmap_undistort(tsuya_colmap *colmap, const char *input, const char *output, double scale)
 {
-    char *help = NULL, path[ARGUMENT_SIZE];
+    char *help = NULL, path[ARGUMENT_SIZE], text[32];
     command *c = tsuya_calloc(1, sizeof *c);
     tsuya_status status = c ? begin(c, colmap, "image_undistorter", "undistortion", &help) : TSUYA_ERROR_MEMORY;
     if (status == TSUYA_OK) {
@@ -319,6 +319,11 @@ tsuya_status tsuya_colmap_undistort(tsuya_colmap *colmap, const char *input, con
         set_path(c, "--input_path", input);
         set(c, "--output_path", path);
         set(c, "--output_type", "COLMAP");
+        if (scale > 0.0) {
+            snprintf(text, sizeof text, "%.2f", scale);
+            set(c, "--min_scale", text);
+            set(c, "--max_scale", text);
+        }
         status = finish(c);
     }
     tsuya_free(help);

@@ -35,7 +35,7 @@ typedef enum tsuya_adjust_what {
 TSUYA_MUST_CHECK tsuya_status tsuya_colmap_adjust(tsuya_colmap *colmap, const char *input, const char *output, tsuya_adjust_what what);
 /* Points for known poses: FOLDER/INPUT to FOLDER/OUTPUT. */
 TSUYA_MUST_CHECK tsuya_status tsuya_colmap_triangulate(tsuya_colmap *colmap, const char *input, const char *output);
-/* FOLDER/INPUT to the dense workspace FOLDER/OUTPUT, photographs at their full size. */
-TSUYA_MUST_CHECK tsuya_status tsuya_colmap_undistort(tsuya_colmap *colmap, const char *input, const char *output);
+/* FOLDER/INPUT to the dense workspace FOLDER/OUTPUT, photographs at their full size; `scale` as tsuya_undistort_scale says. */
+TSUYA_MUST_CHECK tsuya_status tsuya_colmap_undistort(tsuya_colmap *colmap, const char *input, const char *output, double scale);
 
 #endif

@@ -302,19 +302,22 @@ static tsuya_status check_undistorted(const tsuya_sparse_model *dense, const cha
 
 static tsuya_status undistortion(tsuya_reconstruction *r)
 {
-    const char *workspace = tsuya_reconstruction_path(r, "dense");
-    if (tsuya_step_begin(&r->steps, "undistortion", r->options->masks ? "masks" : "", tsuya_reconstruction_path(r, "dense/sparse/images.bin"))) {
-        return TSUYA_OK;
-    }
+    const char *workspace = tsuya_reconstruction_path(r, "dense"), *how = r->options->masks ? "masks" : "";
     tsuya_sparse_model sparse = {0}, dense = {0};
     tsuya_status status;
+    TSUYA_GOTO_DONE(status, tsuya_sparse_model_load(&sparse, tsuya_reconstruction_path(r, "sparse/0")));
+    double scale = tsuya_undistort_scale(&sparse);
+    how = scale > 0.0 ? tsuya_arena_printf(r->arena, "%s, %.2f", how, scale) : how;
+    TSUYA_GOTO_DONE(status, how ? TSUYA_OK : TSUYA_ERROR_MEMORY);
+    if (tsuya_step_begin(&r->steps, "undistortion", how, tsuya_reconstruction_path(r, "dense/sparse/images.bin"))) {
+        goto done;
+    }
     TSUYA_GOTO_DONE(status, tsuya_folder_remove(workspace));
     TSUYA_GOTO_DONE(status, tsuya_folder_make(workspace));
-    TSUYA_GOTO_DONE(status, tsuya_colmap_undistort(&r->colmap, "sparse/0", "dense"));
+    TSUYA_GOTO_DONE(status, tsuya_colmap_undistort(&r->colmap, "sparse/0", "dense", scale));
     TSUYA_GOTO_DONE(status, tsuya_sparse_model_load(&dense, tsuya_reconstruction_path(r, "dense/sparse")));
     TSUYA_GOTO_DONE(status, check_undistorted(&dense, workspace));
     if (r->options->masks) {
-        TSUYA_GOTO_DONE(status, tsuya_sparse_model_load(&sparse, tsuya_reconstruction_path(r, "sparse/0")));
         TSUYA_GOTO_DONE(status, tsuya_undistort_masks(workspace, &dense, &sparse, &r->photos, r->context));
     }
     status = tsuya_reconstruction_end_step(r, NULL);

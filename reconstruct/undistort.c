@@ -5,6 +5,56 @@
 #include <math.h>
 #include <string.h>
 
+enum { BORDER = 64 };
+static const double LEAST_SCALE = 0.2, SCALE_STEP = 0.02;
+
+/* The edges of the image, from corner to corner, as it goes round. */
+static tsuya_vec2 on_border(const tsuya_camera *lens, int i)
+{
+    double t = (double)(i % BORDER) / BORDER, w = lens->width_px, h = lens->height_px;
+    const tsuya_vec2 at[4] = {{t * w, 0.0}, {w, t * h}, {w - t * w, h}, {0.0, h - t * h}};
+    return (tsuya_vec2){at[i / BORDER].x - 0.5, at[i / BORDER].y - 0.5};
+}
+
+static bool reaches_border(const tsuya_camera *lens)
+{
+    tsuya_vec3 ray;
+    bool reaches = true;
+    for (int i = 0; i < 4 * BORDER && reaches; i++) {
+        reaches = tsuya_camera_unproject(lens, on_border(lens, i), &ray);
+    }
+    return reaches;
+}
+
+/* Every pixel of a pinhole of the lens' focal length, `scale` times its size, lies before the fold of its distortion. */
+static bool holds(const tsuya_camera *lens, double scale)
+{
+    for (int i = 0; i < 4 * BORDER; i++) {
+        tsuya_vec2 border = on_border(lens, i), pixel;
+        tsuya_vec3 ray = {scale * (border.x - lens->cx_px) / lens->fx_px, scale * (border.y - lens->cy_px) / lens->fy_px, 1.0}, back;
+        if (!tsuya_camera_project(lens, ray, &pixel) || !tsuya_camera_unproject(lens, pixel, &back) || !(back.z > 0.0)
+            || hypot(back.x / back.z - ray.x, back.y / back.z - ray.y) > 1e-6) {
+            return false;
+        }
+    }
+    return true;
+}
+
+double tsuya_undistort_scale(const tsuya_sparse_model *model)
+{
+    double scale = 0.0;
+    for (int c = 0; c < model->camera_count; c++) {
+        if (!reaches_border(&model->camera[c])) {
+            double own = 1.0;
+            while (own > LEAST_SCALE && !holds(&model->camera[c], own)) {
+                own -= SCALE_STEP;
+            }
+            scale = scale > 0.0 ? fmin(scale, own) : own;
+        }
+    }
+    return scale;
+}
+
 tsuya_status tsuya_undistort(tsuya_image *out, const tsuya_image *in, const tsuya_camera *pinhole, const tsuya_camera *lens)
 {
     TSUYA_TRY(tsuya_image_create(out, pinhole->width_px, pinhole->height_px, in->channels, TSUYA_SAMPLE_F32, in->encoding));

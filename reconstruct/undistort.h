@@ -1,4 +1,4 @@
-/* Masks made to fit the photographs that `colmap image_undistorter` wrote. */
+/* Photographs as pinholes see them: the size for `colmap image_undistorter`, and masks made to fit what it wrote. */
 #ifndef TSUYA_RECONSTRUCT_UNDISTORT_H
 #define TSUYA_RECONSTRUCT_UNDISTORT_H
 
@@ -6,6 +6,11 @@
 #include "core/context.h"
 #include "core/image.h"
 #include "core/photo.h"
+
+/* Size of the pinhole photographs, a share of the lens' own, with its focal length.  0 where the lens reaches its image's borders:
+ * COLMAP then fits the size to them.  Where it does not (nothing was seen there, and the distortion folds over) that choice ends at
+ * a strip of a fifth, and the largest size up to the photograph's own is taken that lies before the fold. */
+double tsuya_undistort_scale(const tsuya_sparse_model *model);
 
 /* For every view of `dense` whose photograph has a mask: workspace/masks/NAME.png, 255 keeps, 0 outside the photograph.
  * `sparse`: the model with the lenses. */

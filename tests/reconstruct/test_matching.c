@@ -4,6 +4,7 @@
 #include "core/context.h"
 #include "core/memory.h"
 #include "reconstruct/matching.h"
+#include "reconstruct/undistort.h"
 
 #include <sqlite3.h>
 
@@ -216,12 +217,33 @@ static void test_two_views_come_back(void **state)
     assert_int_equal(read.kind, 0);
 }
 
+/* A lens that folds over before its image's corners leaves pinholes that stay before the fold; any other is left to COLMAP. */
+static void test_lens_that_does_not_reach_its_corners(void **state)
+{
+    (void)state;
+    tsuya_camera lens = {.lens = TSUYA_LENS_OPENCV4, .width_px = 3024, .height_px = 3024, .fx_px = 3084, .fy_px = 3080, .cx_px = 1503, .cy_px = 1436};
+    tsuya_sparse_model model = {.camera = &lens, .camera_count = 1};
+    assert_near(tsuya_undistort_scale(&model), 0.0, 0.0);
+    lens.distortion[0] = -0.3;
+    lens.distortion[1] = 0.1;
+    assert_near(tsuya_undistort_scale(&model), 0.0, 0.0);
+    lens.distortion[0] = 0.2085; /* of a phone whose board was never in the corners: folds at 0.80, the corner is at 0.71 */
+    lens.distortion[1] = -0.67;
+    assert_near(tsuya_undistort_scale(&model), 1.0, 0.0);
+    lens.distortion[1] = -1.5; /* at 0.57 */
+    double scale = tsuya_undistort_scale(&model), corner = hypot(1520.5 / 3084, 1588.5 / 3080), fold = 0.0;
+    while (1 + 3 * 0.2085 * fold * fold - 5 * 1.5 * pow(fold, 4) > 0.0) {
+        fold += 1e-4;
+    }
+    assert_true(scale * corner <= fold && (scale + 0.03) * corner > fold);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_same_as_the_plain_loop),      cmocka_unit_test(test_epipolar_lines_lead),
         cmocka_unit_test(test_images_are_numbered_by_name), cmocka_unit_test(test_damaged_features_are_refused),
-        cmocka_unit_test(test_two_views_come_back),
+        cmocka_unit_test(test_two_views_come_back), cmocka_unit_test(test_lens_that_does_not_reach_its_corners),
     };
     return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
 }
