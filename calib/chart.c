@@ -52,15 +52,10 @@ tsuya_status tsuya_chart_reference_load(tsuya_lab lab[TSUYA_CHART_PATCHES], cons
     return status;
 }
 
-/* Bradford's cone responses (Lam 1985), as in the ICC's profile specification. */
 tsuya_vec3 tsuya_chart_xyz_d65(tsuya_lab lab)
 {
-    static const tsuya_mat3 cones = {{{0.8951, 0.2664, -0.1614}, {-0.7502, 1.7135, 0.0367}, {0.0389, -0.0685, 1.0296}}};
-    static const tsuya_mat3 back = {{{0.9869929, -0.1470543, 0.1599627}, {0.4323053, 0.5183603, 0.0492912}, {-0.0085287, 0.0400428, 0.9684867}}};
     const tsuya_vec3 d50 = {0.96422, 1.0, 0.82521};
-    tsuya_vec3 from = tsuya_mat3_apply(cones, d50), to = tsuya_mat3_apply(cones, tsuya_white_d65());
-    tsuya_vec3 c = tsuya_mat3_apply(cones, tsuya_xyz_from_lab(lab, d50));
-    return tsuya_mat3_apply(back, (tsuya_vec3){c.x * to.x / from.x, c.y * to.y / from.y, c.z * to.z / from.z});
+    return tsuya_xyz_adapt(tsuya_xyz_from_lab(lab, d50), d50, tsuya_white_d65());
 }
 
 /* The chart seen from the front, gamma encoded as far as the photograph is: PITCH pixels from patch to patch. */

@@ -58,6 +58,14 @@ static double compress(double t)
 
 static double expand(double f) { return f > knee ? f * f * f : 3.0 * knee * knee * (f - 4.0 / 29.0); }
 
+tsuya_vec3 tsuya_xyz_adapt(tsuya_vec3 xyz, tsuya_vec3 from, tsuya_vec3 to)
+{
+    static const tsuya_mat3 cones = {{{0.8951, 0.2664, -0.1614}, {-0.7502, 1.7135, 0.0367}, {0.0389, -0.0685, 1.0296}}};
+    static const tsuya_mat3 back = {{{0.9869929, -0.1470543, 0.1599627}, {0.4323053, 0.5183603, 0.0492912}, {-0.0085287, 0.0400428, 0.9684867}}};
+    tsuya_vec3 c = tsuya_mat3_apply(cones, xyz), a = tsuya_mat3_apply(cones, from), b = tsuya_mat3_apply(cones, to);
+    return tsuya_mat3_apply(back, (tsuya_vec3){c.x * b.x / a.x, c.y * b.y / a.y, c.z * b.z / a.z});
+}
+
 tsuya_lab tsuya_lab_from_xyz(tsuya_vec3 xyz, tsuya_vec3 white)
 {
     double x = compress(xyz.x / white.x), y = compress(xyz.y / white.y), z = compress(xyz.z / white.z);

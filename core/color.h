@@ -13,6 +13,11 @@ typedef struct tsuya_lab { double l, a, b; } tsuya_lab; /* L* 0 … 100, a*, b* 
 TSUYA_API tsuya_vec3 tsuya_white_d65(void);
 TSUYA_API tsuya_vec3 tsuya_xyz_from_rgb(tsuya_vec3 rgb);
 TSUYA_API tsuya_vec3 tsuya_rgb_from_xyz(tsuya_vec3 xyz);
+/* What an eye that has adapted to the white `from` sees as one that has adapted to `to`: Bradford's cone responses (Lam 1985), complete, as in
+ * the ICC's profile specification. */
+TSUYA_API tsuya_vec3 tsuya_xyz_adapt(tsuya_vec3 xyz, tsuya_vec3 from, tsuya_vec3 to);
+/* Y of linear rgb. */
+static inline double tsuya_rgb_luminance(const double rgb[3]) { return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]; }
 TSUYA_API tsuya_lab tsuya_lab_from_xyz(tsuya_vec3 xyz, tsuya_vec3 white);
 TSUYA_API tsuya_vec3 tsuya_xyz_from_lab(tsuya_lab lab, tsuya_vec3 white);
 /* Under D65. */

@@ -34,16 +34,10 @@ tsuya_status tsuya_film_save_exr(const tsuya_film *film, const char *path, const
 
 tsuya_mat3 tsuya_film_adaptation(const double white[3])
 {
-    const tsuya_mat3 cones = {{{0.8951, 0.2664, -0.1614}, {-0.7502, 1.7135, 0.0367}, {0.0389, -0.0685, 1.0296}}};
-    const tsuya_mat3 back = {{{0.9869929, -0.1470543, 0.1599627}, {0.4323053, 0.5183603, 0.0492912}, {-0.0085287, 0.0400428, 0.9684867}}};
-    tsuya_vec3 from = tsuya_mat3_apply(cones, tsuya_xyz_from_rgb((tsuya_vec3){white[0], white[1], white[2]}));
-    tsuya_vec3 to = tsuya_mat3_apply(cones, tsuya_white_d65());
-    const tsuya_vec3 unit[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    const tsuya_vec3 unit[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, from = tsuya_xyz_from_rgb((tsuya_vec3){white[0], white[1], white[2]});
     tsuya_mat3 adapt;
     for (int c = 0; c < 3; ++c) { /* a primary's way through it, as a column */
-        tsuya_vec3 l = tsuya_mat3_apply(cones, tsuya_xyz_from_rgb(unit[c]));
-        l = (tsuya_vec3){l.x * to.x / from.x, l.y * to.y / from.y, l.z * to.z / from.z};
-        tsuya_vec3 rgb = tsuya_rgb_from_xyz(tsuya_mat3_apply(back, l));
+        tsuya_vec3 rgb = tsuya_rgb_from_xyz(tsuya_xyz_adapt(tsuya_xyz_from_rgb(unit[c]), from, tsuya_white_d65()));
         adapt.e[0][c] = rgb.x;
         adapt.e[1][c] = rgb.y;
         adapt.e[2][c] = rgb.z;
@@ -103,7 +97,7 @@ tsuya_status tsuya_film_card_exposure(double *exposure_ev, double white[3], cons
     qsort(luminance, count, sizeof *luminance, compare_floats);
     double middle = count > 0 ? luminance[(count - 1) / 2] : 0.0;
     *exposure_ev = middle > 0.0 ? -log2(middle) : 0.0;
-    double y = 0.2126 * sum[0] + 0.7152 * sum[1] + 0.0722 * sum[2];
+    double y = tsuya_rgb_luminance(sum);
     for (int c = 0; c < 3; ++c) {
         white[c] = y > 0.0 ? sum[c] / y : 1.0;
     }

@@ -17,7 +17,7 @@ TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_film_save_exr(const tsuya_film *fi
 /* View transform: adapt · linear · 2^exposure_ev (adapt NULL: nothing), clipped to [0, 1], sRGB curve, 8 bits. No tone curve beside. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_film_save_png(const tsuya_film *film, const char *path, double exposure_ev,
                                                             const tsuya_mat3 *adapt);
-/* What an eye that has adapted to a white (linear Rec.709, not black) sees as D65: Bradford's transform (Lam 1985), complete. */
+/* What an eye that has adapted to a white (linear Rec.709, not black) sees as D65: tsuya_xyz_adapt, as a matrix. */
 TSUYA_API tsuya_mat3 tsuya_film_adaptation(const double white[3]);
 /* Exposure from a picture of the same scene with a white card for its cloth, lit by lamps alone: the median of the
  * card becomes display white, so that a dyed cloth in good light shows its dye; 0 EV without cloth or light.  white: the card's mean
