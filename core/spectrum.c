@@ -58,28 +58,18 @@ double tsuya_blackbody_power(double nm, double temperature_k)
     return r5 * expm1(c2_nm_k / (560.0 * temperature_k)) / expm1(c2_nm_k / (nm * temperature_k));
 }
 
-/* Into the gamut, at luminance 1. */
-static tsuya_vec3 normalised(tsuya_vec3 xyz)
+tsuya_vec3 tsuya_rgb_of_lamp(tsuya_vec3 xyz)
 {
     tsuya_vec3 rgb = tsuya_rgb_from_xyz(xyz);
     rgb = (tsuya_vec3){fmax(0.0, rgb.x), fmax(0.0, rgb.y), fmax(0.0, rgb.z)};
     return tsuya_vec3_scale(rgb, 1.0 / tsuya_xyz_from_rgb(rgb).y);
 }
 
-tsuya_vec3 tsuya_rgb_of_blackbody(double temperature_k)
-{
-    tsuya_vec3 xyz = {0, 0, 0};
-    for (int nm = FIRST_NM; nm <= LAST_NM; nm += STEP_NM) {
-        xyz = tsuya_vec3_mad(xyz, tsuya_blackbody_power(nm, temperature_k), tsuya_observer(nm));
-    }
-    return normalised(xyz);
-}
-
 tsuya_vec3 tsuya_rgb_of_daylight(double temperature_k)
 {
     double xy[2];
     daylight_chromaticity(temperature_k, xy);
-    return normalised((tsuya_vec3){xy[0] / xy[1], 1.0, (1.0 - xy[0] - xy[1]) / xy[1]});
+    return tsuya_rgb_of_lamp((tsuya_vec3){xy[0] / xy[1], 1.0, (1.0 - xy[0] - xy[1]) / xy[1]});
 }
 
 tsuya_vec3 tsuya_xyz_of_reflectance(const double *nm, const double *reflectance, int count)

@@ -16,8 +16,8 @@ TSUYA_API double tsuya_daylight_power(double nm, double temperature_k);
 #define TSUYA_ILLUMINANT_A_K (1.438777e7 * 2848.0 / 1.435e7)
 /* Planck's law, relative, 1 at 560 nm. */
 TSUYA_API double tsuya_blackbody_power(double nm, double temperature_k);
-/* Linear Rec.709 of luminance 1 for a black body or for daylight; what lies outside the gamut is held at 0. */
-TSUYA_API tsuya_vec3 tsuya_rgb_of_blackbody(double temperature_k);
+/* Linear Rec.709 of luminance 1 for a lamp's XYZ, or for daylight; what lies outside the gamut is held at 0. */
+TSUYA_API tsuya_vec3 tsuya_rgb_of_lamp(tsuya_vec3 xyz);
 TSUYA_API tsuya_vec3 tsuya_rgb_of_daylight(double temperature_k);
 /* XYZ (Y = 1 for white) of a reflectance under D65, as tsuya_rgb_of_reflectance; the white is exactly D65's, so that nothing has
  * to be adapted. */

@@ -163,7 +163,5 @@ tsuya_vec3 tsuya_lamp_spectrum_rgb(const tsuya_lamp_spectrum *s)
     for (int k = 0; k < TSUYA_SPECTRUM_COUNT; ++k) {
         xyz = tsuya_vec3_mad(xyz, s->power[k], tsuya_display_observer(TSUYA_SPECTRUM_FIRST_NM + k));
     }
-    tsuya_vec3 rgb = tsuya_rgb_from_xyz(xyz);
-    rgb = (tsuya_vec3){fmax(0.0, rgb.x), fmax(0.0, rgb.y), fmax(0.0, rgb.z)};
-    return tsuya_vec3_scale(rgb, 1.0 / tsuya_xyz_from_rgb(rgb).y);
+    return tsuya_rgb_of_lamp(xyz);
 }

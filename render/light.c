@@ -2,18 +2,13 @@
 
 #include "brdf/sampling.h"
 
+#include "core/color.h"
 #include "core/memory.h"
 
 #include "render/frame.h"
 
 #include <math.h>
 #include <string.h>
-
-/* As rgb of the eye's luminance. */
-static double luminance_of(const double rgb[3])
-{
-    return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
-}
 
 static bool finite3(tsuya_vec3 v)
 {
@@ -51,7 +46,7 @@ static tsuya_status check_shape(const tsuya_light *l, const char *name)
 
 static void derive(tsuya_light *l)
 {
-    l->luminance = luminance_of(l->rgb);
+    l->luminance = tsuya_rgb_luminance(l->rgb);
     /* a lamp of pure blue is still chosen often enough */
     l->luminance = fmax(l->luminance, 0.1 * fmax(l->rgb[0], fmax(l->rgb[1], l->rgb[2])));
     if (l->map) {
@@ -103,7 +98,7 @@ tsuya_status tsuya_light_take_spectrum(tsuya_light *light, const char *name, con
         tsuya_free(spectrum);
         return status;
     }
-    tsuya_vec3 color = tsuya_vec3_scale(tsuya_lamp_spectrum_rgb(spectrum), luminance_of(light->rgb));
+    tsuya_vec3 color = tsuya_vec3_scale(tsuya_lamp_spectrum_rgb(spectrum), tsuya_rgb_luminance(light->rgb));
     const double rgb[3] = {color.x, color.y, color.z};
     memcpy(light->rgb, rgb, sizeof rgb);
     tsuya_free(light->spectrum);

@@ -104,7 +104,9 @@ static void test_spectra(void **state)
     tsuya_vec3 white = tsuya_rgb_of_daylight(6504.0);
     assert_true(fabs(white.x - 1.0) < 0.01 && fabs(white.y - 1.0) < 0.01 && fabs(white.z - 1.0) < 0.01);
     assert_true(fabs(tsuya_daylight_power(560.0, 6504.0) - 1.0) < 1e-12 && fabs(tsuya_blackbody_power(560.0, 3000.0) - 1.0) < 1e-12);
-    tsuya_vec3 flame = tsuya_rgb_of_blackbody(1900.0), sky = tsuya_rgb_of_daylight(15000.0);
+    tsuya_lamp_spectrum fire;
+    assert_ok(tsuya_lamp_spectrum_load(&fire, "1900K", "."));
+    tsuya_vec3 flame = tsuya_lamp_spectrum_rgb(&fire), sky = tsuya_rgb_of_daylight(15000.0);
     assert_true(flame.x > 2.0 * flame.y && flame.z < 0.1 && sky.z > sky.y && sky.y > sky.x);
     const double nm[3] = {400, 550, 700}, one[3] = {1, 1, 1}, red[3] = {0.02, 0.1, 0.7};
     tsuya_vec3 paper = tsuya_rgb_of_reflectance(nm, one, 3), cloth = tsuya_rgb_of_reflectance(nm, red, 3);
