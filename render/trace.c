@@ -2,8 +2,10 @@
 
 #include "brdf/sampling.h"
 
+#include "core/color.h"
 #include "core/memory.h"
 
+#include <assert.h>
 #include <math.h>
 
 /* Dimension pairs of a bounce. */
@@ -64,6 +66,8 @@ tsuya_status tsuya_tracer_create(tsuya_tracer *t, const tsuya_scene *scene, cons
     return t->bands ? respond(t) : TSUYA_OK;
 }
 
+static int channels_of(const tsuya_tracer *t) { return t->bands ? t->bands->count : 3; }
+
 static double dot(const double *a, const double *b, int count)
 {
     double sum = 0.0;
@@ -83,7 +87,7 @@ static void receive(const tsuya_tracer *t, int lamp, const double sent[3], const
         }
         return;
     }
-    const double *own = t->response[lamp], level = 0.2126 * sent[0] + 0.7152 * sent[1] + 0.0722 * sent[2];
+    const double *own = t->response[lamp], level = tsuya_rgb_luminance(sent);
     for (int c = 0; c < 3; ++c) {
         rgb[c] += scale * (own ? level * dot(own + c * b->count, kept, b->count)
                                : sent[0] * dot(b->response[0][c], kept, b->count) + sent[1] * dot(b->response[1][c], kept, b->count) +
@@ -189,8 +193,8 @@ static double largest(const double rgb[3]) { return larger(rgb[0], larger(rgb[1]
 
 static double largest_kept(const tsuya_tracer *t, const double *throughput)
 {
-    double most = largest(throughput);
-    for (int c = 3; t->bands && c < t->bands->count; ++c) {
+    double most = 0.0;
+    for (int c = 0; c < channels_of(t); ++c) {
         most = larger(most, throughput[c]);
     }
     return most;
@@ -341,8 +345,7 @@ static void turn_frame(tsuya_surface *s, double u)
 static bool survives(const tsuya_tracer *t, double *throughput, double u)
 {
     double most = largest_kept(t, throughput), keep = most < 0.05 ? 0.05 : most < 1.0 ? most : 1.0;
-    int channels = t->bands ? t->bands->count : 3;
-    for (int c = 0; c < channels; ++c) {
+    for (int c = 0; c < channels_of(t); ++c) {
         throughput[c] /= keep;
     }
     return u < keep;
@@ -373,8 +376,7 @@ static void choose_side(const tsuya_tracer *t, walker *w, tsuya_surface *s, doub
 {
     double u[2], q = most / (most + 0.5);
     tsuya_sampler_pair(w->path->sampler, pair + PAIR_SIDE, u);
-    int channels = t->bands ? t->bands->count : 3;
-    for (int c = 0; c < channels; ++c) {
+    for (int c = 0; c < channels_of(t); ++c) {
         w->throughput[c] /= u[0] < q ? q : 1.0 - q;
     }
     if (u[0] >= q) {
@@ -489,6 +491,8 @@ static int occlude_all(const tsuya_tracer *t, walker *w, int count, bool bundle)
     return rays;
 }
 
+static_assert((int)TSUYA_RAY_PACKET <= (int)TSUYA_SAMPLER_LANES, "every walker of a packet has a lane");
+
 static void take_chances(const tsuya_tracer *t, chances *chance, const walker *w, int count, int depth)
 {
     uint32_t pair = (uint32_t)(TSUYA_PAIR_FIRST + PAIRS_PER_BOUNCE * depth), key[TSUYA_SAMPLER_LANES], sample[TSUYA_SAMPLER_LANES];
@@ -542,7 +546,7 @@ uint64_t tsuya_trace(const tsuya_tracer *tracer, tsuya_camera_path *path, int co
 {
     walker w[TSUYA_RAY_PACKET];
     double throughput[TSUYA_RAY_PACKET * TSUYA_MATERIAL_MAX_CHANNELS];
-    int channels = tracer->bands ? tracer->bands->count : 3;
+    const int channels = channels_of(tracer);
     uint64_t rays = 0;
     for (int k = 0; k < count; ++k) {
         w[k].path = &path[k];
