@@ -108,8 +108,8 @@ void scene_camera(tsuya_camera *camera, tsuya_pose *pose, tsuya_vec3 eye, tsuya_
     *pose = tsuya_pose_look_at(eye, target, fabs(forward.z) < 0.99 ? (tsuya_vec3){0, 0, 1} : (tsuya_vec3){0, 1, 0});
 }
 
-tsuya_film scene_render(const tsuya_mesh *mesh, const tsuya_shader *shader, const tsuya_light_set *lights, const tsuya_camera *camera,
-                        tsuya_pose pose, const tsuya_path_options *options, int threads)
+tsuya_film scene_render_bands(const tsuya_mesh *mesh, const tsuya_shader *shader, const tsuya_bands *bands, const tsuya_light_set *lights,
+                              const tsuya_camera *camera, tsuya_pose pose, const tsuya_path_options *options, int threads)
 {
     tsuya_scene_options scene_options = tsuya_scene_options_default();
     tsuya_context context = tsuya_context_default();
@@ -119,10 +119,17 @@ tsuya_film scene_render(const tsuya_mesh *mesh, const tsuya_shader *shader, cons
     context.threads = threads;
     scene_options.shader = shader;
     scene_options.shader_count = 1;
+    scene_options.bands = bands;
     assert_ok(tsuya_scene_create(&scene, mesh, &scene_options));
     assert_ok(tsuya_path_render(&film, &info, scene, lights, camera, pose, options, &context));
     tsuya_scene_free(scene);
     return film;
+}
+
+tsuya_film scene_render(const tsuya_mesh *mesh, const tsuya_shader *shader, const tsuya_light_set *lights, const tsuya_camera *camera,
+                        tsuya_pose pose, const tsuya_path_options *options, int threads)
+{
+    return scene_render_bands(mesh, shader, NULL, lights, camera, pose, options, threads);
 }
 
 double film_mean(const tsuya_film *film, int channel)

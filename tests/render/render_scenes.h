@@ -22,6 +22,9 @@ void scene_camera(tsuya_camera *camera, tsuya_pose *pose, tsuya_vec3 eye, tsuya_
 /* Renders; fails the test on an error. */
 tsuya_film scene_render(const tsuya_mesh *mesh, const tsuya_shader *shader, const tsuya_light_set *lights, const tsuya_camera *camera,
                         tsuya_pose pose, const tsuya_path_options *options, int threads);
+/* The same with wavelengths; NULL: r, g, b. */
+tsuya_film scene_render_bands(const tsuya_mesh *mesh, const tsuya_shader *shader, const tsuya_bands *bands, const tsuya_light_set *lights,
+                              const tsuya_camera *camera, tsuya_pose pose, const tsuya_path_options *options, int threads);
 /* Mean of a channel over the picture, and the standard error of the luminance's mean. */
 double film_mean(const tsuya_film *film, int channel);
 double film_mean_error(const tsuya_film *film);

@@ -101,25 +101,13 @@ static tsuya_material *cloth(measured m)
     return material;
 }
 
-static tsuya_film render_bands(const tsuya_mesh *mesh, const tsuya_shader *shader, const tsuya_bands *bands, const tsuya_light_set *lights,
-                               tsuya_vec3 eye, tsuya_vec3 target, double field_deg, int side, tsuya_path_options options, int threads)
+static tsuya_film look(const tsuya_mesh *mesh, const tsuya_shader *shader, const tsuya_bands *bands, const tsuya_light_set *lights,
+                       tsuya_vec3 eye, tsuya_vec3 target, double field_deg, int side, tsuya_path_options options, int threads)
 {
-    tsuya_scene_options scene_options = tsuya_scene_options_default();
-    tsuya_context context = tsuya_context_default();
     tsuya_camera camera;
     tsuya_pose pose;
-    tsuya_scene *scene;
-    tsuya_film film;
-    tsuya_path_info info;
-    context.threads = threads;
-    scene_options.shader = shader;
-    scene_options.shader_count = 1;
-    scene_options.bands = bands;
     scene_camera(&camera, &pose, eye, target, field_deg, side, side);
-    assert_ok(tsuya_scene_create(&scene, mesh, &scene_options));
-    assert_ok(tsuya_path_render(&film, &info, scene, lights, &camera, pose, &options, &context));
-    tsuya_scene_free(scene);
-    return film;
+    return scene_render_bands(mesh, shader, bands, lights, &camera, pose, &options, threads);
 }
 
 /* What a plane shows of a lamp that gives it the irradiance 1, times π: the integral over its reflectance. */
@@ -138,7 +126,7 @@ static tsuya_vec3 plane_color(const tsuya_material *material, const char *spectr
     }
     add_light(&lights, lamp);
     scene_plane(&mesh, 4.0, 4);
-    tsuya_film film = render_bands(&mesh, &shader, &bands, &lights, (tsuya_vec3){2, -1, 1.5}, (tsuya_vec3){0, 0, 0}, 0.05, 2, options_of(4, 2), 1);
+    tsuya_film film = look(&mesh, &shader, &bands, &lights, (tsuya_vec3){2, -1, 1.5}, (tsuya_vec3){0, 0, 0}, 0.05, 2, options_of(4, 2), 1);
     tsuya_vec3 color = tsuya_vec3_scale((tsuya_vec3){film_mean(&film, 0), film_mean(&film, 1), film_mean(&film, 2)}, M_PI);
     tsuya_film_free(&film);
     tsuya_light_set_free(&lights);
@@ -214,8 +202,8 @@ static void test_interreflection(void **state)
     assert_ok(tsuya_light_take_spectrum(&lamp, "halogen", "."));
     add_light(&lights, lamp);
     scene_cube(&mesh);
-    tsuya_film film = render_bands(&mesh, &shader, &bands, &lights, (tsuya_vec3){0, 0, 0}, (tsuya_vec3){1, 0, 0}, 90.0, 24, options_of(1024, 64), 2);
-    tsuya_film again = render_bands(&mesh, &shader, &bands, &lights, (tsuya_vec3){0, 0, 0}, (tsuya_vec3){1, 0, 0}, 90.0, 24, options_of(1024, 64), 1);
+    tsuya_film film = look(&mesh, &shader, &bands, &lights, (tsuya_vec3){0, 0, 0}, (tsuya_vec3){1, 0, 0}, 90.0, 24, options_of(1024, 64), 2);
+    tsuya_film again = look(&mesh, &shader, &bands, &lights, (tsuya_vec3){0, 0, 0}, (tsuya_vec3){1, 0, 0}, 90.0, 24, options_of(1024, 64), 1);
     assert_memory_equal(film.rgb, again.rgb, 3 * 24 * 24 * sizeof *film.rgb);
     tsuya_vec3 seen = {film_mean(&film, 0), film_mean(&film, 1), film_mean(&film, 2)};
     tsuya_vec3 expected = integral(planck_3000, in_box, &m, NULL);
@@ -357,7 +345,7 @@ static double evenness(tsuya_image *png)
 
 static double grey(double nm) { return 0.6 + 0.0 * nm; }
 
-/* A grey ball by halogen is orange, and grey for who has adapted to it; a dye's own spectrum counts; figures say what was done. */
+/* A grey ball by halogen is orange, and grey for who has adapted to it; figures say what was done. */
 static void test_stage(void **state)
 {
     (void)state;
@@ -383,10 +371,48 @@ static void test_stage(void **state)
     assert_true(tsuya_json_number_or(tsuya_json_member(tsuya_json_member(root, "spectral"), "wavelengths"), 0.0) == 35.0);
     assert_non_null(strstr(tsuya_json_text_or(tsuya_json_member(tsuya_json_member(root, "view_transform"), "adaptation"), ""), "Bradford"));
     tsuya_json_free(root);
-    o.color = "indigo";
-    o.name = "indigo";
-    o.lights_path = "led";
-    assert_ok(tsuya_render(&info, &o, &context));
+}
+
+/* A dye's own spectrum counts: grey cloth in it looks to the bit like cloth that was measured in it, and not like cloth in its colour alone. */
+static void test_dye_by_spectrum(void **state)
+{
+    (void)state;
+    static const char *const names[] = {"measured", "dyed", "painted"};
+    const measured m = {moss, 390, 10, 35};
+    char text[16384], colors[3][TEST_PATH];
+    double r[TSUYA_MATERIAL_MAX_CHANNELS], nm[TSUYA_MATERIAL_MAX_CHANNELS];
+    tsuya_context context = tsuya_context_default();
+    tsuya_render_info info;
+    tsuya_image image[3];
+    size_t n = (size_t)snprintf(text, sizeof text, "nm,reflectance\n");
+    for (int k = 0; k < m.count; ++k) {
+        nm[k] = m.first + k * m.step;
+        r[k] = m.of(nm[k]);
+        n += (size_t)snprintf(text + n, sizeof text - n, "%g,%.9g\n", nm[k], r[k]);
+    }
+    assert_ok(tsuya_file_write(test_path("moss.csv"), text, n));
+    tsuya_vec3 rgb = tsuya_rgb_of_reflectance(nm, r, m.count);
+    snprintf(colors[0], TEST_PATH, "material");
+    snprintf(colors[1], TEST_PATH, "%s", test_path("moss.csv"));
+    snprintf(colors[2], TEST_PATH, "%.9g,%.9g,%.9g", rgb.x, rgb.y, rgb.z);
+    for (int k = 0; k < 3; ++k) {
+        char json[TEST_PATH];
+        json_of(text, sizeof text, k ? (measured){grey, 390, 10, 35} : m);
+        snprintf(json, sizeof json, "%s", test_path(k ? "grey.json" : "moss.json"));
+        assert_ok(tsuya_file_write(json, text, strlen(text)));
+        const char *const material[] = {json};
+        tsuya_render_options o = stage_options(names[k], material, 1);
+        o.lights_path = "halogen";
+        o.color = colors[k];
+        assert_ok(tsuya_render(&info, &o, &context));
+        snprintf(text, sizeof text, "render/%s/frame_000.png", names[k]);
+        assert_ok(tsuya_image_load(&image[k], test_path(text)));
+    }
+    assert_memory_equal(tsuya_image_u8(&image[0], 0, 0), tsuya_image_u8(&image[1], 0, 0), 3 * 32 * 24);
+    assert_memory_not_equal(tsuya_image_u8(&image[0], 0, 0), tsuya_image_u8(&image[2], 0, 0), 3 * 32 * 24);
+    for (int k = 0; k < 3; ++k) {
+        tsuya_image_free(&image[k]);
+    }
 }
 
 static void test_hostile_inputs(void **state)
@@ -433,7 +459,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_direct_light),     cmocka_unit_test(test_interreflection), cmocka_unit_test(test_metamers),
         cmocka_unit_test(test_colors_come_back), cmocka_unit_test(test_led),             cmocka_unit_test(test_stage),
-        cmocka_unit_test(test_hostile_inputs),
+        cmocka_unit_test(test_dye_by_spectrum),  cmocka_unit_test(test_hostile_inputs),
     };
     return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
 }
