@@ -3,7 +3,7 @@
 #include "core/geometry.h"
 
 static const double SURE = 0.8, ALIKE = 0.5; /* ALIKE: length of the mean of the sure crosses, from which the picture has one direction */
-static const double PERIODS_DIFFER = 1.1, MOST = 0.8; /* share of the sure patches whose periods must say the same */
+static const double MOST = 0.8; /* share of the sure patches whose periods must say the same */
 
 static void swap_families(tsuya_threads *threads)
 {
@@ -47,9 +47,10 @@ static bool name_coarser(tsuya_patch_grid *grid)
     for (size_t i = 0; i < tsuya_patch_count(grid); i++) {
         const tsuya_threads *t = &grid->patch[i].threads;
         if (t->confidence >= SURE) {
+            int coarser = tsuya_coarser_family(t->a.period_px, t->b.period_px);
             sure++;
-            coarser_a += t->a.period_px > PERIODS_DIFFER * t->b.period_px;
-            coarser_b += t->b.period_px > PERIODS_DIFFER * t->a.period_px;
+            coarser_a += coarser > 0;
+            coarser_b += coarser < 0;
         }
     }
     bool told = sure > 0 && (double)(coarser_a > coarser_b ? coarser_a : coarser_b) >= MOST * (double)sure;

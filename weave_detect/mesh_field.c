@@ -18,7 +18,6 @@ enum { ROUNDS = 4 };
 static const double REACH[ROUNDS] = {3.0, 3.0, 1.0, 1.0};
 static const double ASTRAY_RAD = 12.0 * M_PI / 180.0, SEAM_RAD = 30.0 * M_PI / 180.0 /* per patch spacing */, SEAM_LENGTH = 0.2;
 static const double SEEN_FRACTION = 0.01; /* of the area with threads: below it the surface shows none */
-static const double PERIODS_DIFFER = 1.1;
 static const float SEEN_CONFIDENCE = 0.2f; /* from which a vertex's own threads are counted */
 
 tsuya_weave_mesh_options tsuya_weave_mesh_options_default(void)
@@ -180,9 +179,8 @@ static void add_hints(tsuya_weft_hints *h, const field *f, size_t v, bool turned
         double wanted = angle_of(f, v, f->options->weft, &length);
         h->user += weight * length * cos(2.0 * (wanted - angle));
     }
-    double ratio = (double)e->period_a > 0.0 ? (double)e->period_b / (double)e->period_a : 1.0;
-    ratio = nearer_family(e, angle) ? 1.0 / fmax(ratio, 1e-9) : ratio; /* period of the second axis over that of the first */
-    h->count += ratio > PERIODS_DIFFER ? -weight : ratio < 1.0 / PERIODS_DIFFER ? weight : 0.0;
+    int coarser = tsuya_coarser_family((double)e->period_a, (double)e->period_b);
+    h->count += weight * (nearer_family(e, angle) ? -coarser : coarser);
     h->count_weight += weight;
     tsuya_vec3 along;
     if (tsuya_rim_direction(&along, f->mesh, &f->graph, v)) {

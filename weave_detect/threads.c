@@ -18,6 +18,15 @@ const char *tsuya_weft_told_name(tsuya_weft_told told)
     return names[told];
 }
 
+int tsuya_coarser_family(double period_a, double period_b)
+{
+    const double differ = 1.1;
+    if (!(period_a > 0.0 && period_b > 0.0)) {
+        return 0;
+    }
+    return (period_a > differ * period_b) - (period_b > differ * period_a);
+}
+
 double tsuya_line_wrap(double angle_rad)
 {
     double a = fmod(angle_rad, M_PI);

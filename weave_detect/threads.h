@@ -43,6 +43,8 @@ TSUYA_API const char *tsuya_weave_kind_name(tsuya_weave_kind kind); /* "unknown"
 
 TSUYA_API const char *tsuya_weft_told_name(tsuya_weft_told told); /* "unknown", "user", "thread count", "hem" */
 
+/* 1 where the first period is larger by more than a tenth, −1 where the second is, else 0, also where one was not seen (0). */
+TSUYA_API int tsuya_coarser_family(double period_a, double period_b);
 /* Angle into [0, π). */
 TSUYA_API double tsuya_line_wrap(double angle_rad);
 /* Between two lines, in [0, π/2]. */
