@@ -67,7 +67,7 @@ static void show_values(tsuya_report *report, const float *value, const char *ti
 void tsuya_report_values(tsuya_report *report, const float *value, const char *title, double low, double high)
 {
     tsuya_shade_options options = {TSUYA_SHADE_VALUE, value, low, high};
-    tsuya_html_raw(&report->html, "<h3>%s</h3><div class=\"scale\">%.3g<span class=\"ramp\"></span>%.3g</div><div class=\"grid g4\">\n", title, low, high);
+    tsuya_html_raw(&report->html, "<h3>%s</h3><div class=\"scale\">%.4g<span class=\"ramp\"></span>%.4g</div><div class=\"grid g4\">\n", title, low, high);
     for (int i = 0; i < 4; i++) {
         char caption[64];
         snprintf(caption, sizeof caption, "from %d°", 90 * i);

@@ -42,7 +42,7 @@ static void write_table(tsuya_report *report, const tsuya_json *figures)
 {
     tsuya_html_raw(&report->html, "<table><tr><th>Photographs</th><th>Patches</th><th>of them sure</th><th>Surface covered</th>"
                                   "<th>Weft threads / unit</th><th>Warp threads / unit</th><th>Shear, median</th><th>Shear, 90 %%</th>"
-                                  "<th>Singularities</th></tr><tr>");
+                                  "<th>Singularities</th><th>Weft told by</th></tr><tr>");
     cell(report, figure(figures, "photos"), "%.0f");
     cell(report, figure(figures, "patches"), "%.0f");
     cell(report, 100.0 * figure(figures, "patches_sure"), "%.1f %%");
@@ -52,6 +52,9 @@ static void write_table(tsuya_report *report, const tsuya_json *figures)
     cell(report, figure(figures, "shear_deg_median"), "%.2f°");
     cell(report, figure(figures, "shear_deg_p90"), "%.2f°");
     cell(report, figure(figures, "singularities"), "%.0f");
+    tsuya_html_raw(&report->html, "<td>");
+    tsuya_html_text(&report->html, tsuya_json_text_or(tsuya_json_member(figures, "weft_told_by"), "–"));
+    tsuya_html_raw(&report->html, "</td>");
     tsuya_html_raw(&report->html, "</tr></table>\n");
 }
 

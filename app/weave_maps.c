@@ -56,7 +56,7 @@ static void color_mesh(tsuya_mesh *mesh, const tsuya_weave_map *map)
 
 static tsuya_status save_map(tsuya_json *maps, const char *name, tsuya_mesh *colored, const float *number, int stride, const char *folder, const char *file)
 {
-    tsuya_weave_map map;
+    tsuya_weave_map map = {0};
     char *path = tsuya_path_join(folder, file);
     tsuya_status status = path ? tsuya_weave_map_create(&map, colored, number, stride) : TSUYA_ERROR_MEMORY;
     if (status == TSUYA_OK) {
@@ -69,9 +69,7 @@ static tsuya_status save_map(tsuya_json *maps, const char *name, tsuya_mesh *col
         tsuya_json_set_number(one, "low", map.seen > 0 ? map.low : NAN);
         tsuya_json_set_number(one, "high", map.seen > 0 ? map.high : NAN);
     }
-    if (path) {
-        tsuya_free(map.value);
-    }
+    tsuya_free(map.value);
     tsuya_free(path);
     return status;
 }
