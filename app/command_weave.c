@@ -67,15 +67,24 @@ static const tsuya_syntax image_syntax = {
     .parse = parse_image,
 };
 
+/* A companion of the table: its name with another ending. */
+static char *beside(const char *csv, const char *ending)
+{
+    size_t stem = strlen(csv) - strlen(tsuya_path_extension(csv)), size = strlen(ending) + 1;
+    char *path = tsuya_calloc(stem + size, 1);
+    if (path) {
+        memcpy(path, csv, stem);
+        memcpy(path + stem, ending, size);
+    }
+    return path;
+}
+
 static tsuya_status save_overlay(const char *csv, const tsuya_image *photo, const tsuya_patch_grid *grid)
 {
     tsuya_image picture = {0};
-    size_t stem = strlen(csv) - strlen(tsuya_path_extension(csv));
-    char *path = tsuya_calloc(stem + 5, 1);
+    char *path = beside(csv, ".png");
     tsuya_status status = path ? tsuya_patches_overlay(&picture, photo, grid) : TSUYA_ERROR_MEMORY;
     if (status == TSUYA_OK) {
-        memcpy(path, csv, stem);
-        memcpy(path + stem, ".png", 5);
         status = tsuya_image_save(&picture, path, NULL);
     }
     tsuya_free(path);
@@ -87,7 +96,7 @@ static tsuya_status weave_image(tsuya_json *figures, const image_input *input, c
 {
     tsuya_image photo = {0}, mask = {0};
     tsuya_patch_grid grid = {0};
-    char *folder = NULL, *csv = NULL;
+    char *folder = NULL, *csv = NULL, *kinds = NULL;
     tsuya_status status;
     TSUYA_GOTO_DONE(status, tsuya_image_load(&photo, input->photo));
     if (input->mask) {
@@ -105,6 +114,8 @@ static tsuya_status weave_image(tsuya_json *figures, const image_input *input, c
     tsuya_patches_to_json(figures, &grid, input->px_per_cm);
     tsuya_json_set_number(figures, "seconds", tsuya_clock_s() - begin);
     TSUYA_GOTO_DONE(status, tsuya_patches_save(&grid, csv));
+    kinds = beside(csv, ".kinds.csv");
+    TSUYA_GOTO_DONE(status, kinds ? tsuya_patches_save_kinds(&grid, kinds) : TSUYA_ERROR_MEMORY);
     if (!input->no_overlay) {
         TSUYA_GOTO_DONE(status, save_overlay(csv, &photo, &grid));
     }
@@ -114,6 +125,7 @@ done:
     tsuya_patches_free(&grid);
     tsuya_free(folder);
     tsuya_free(csv);
+    tsuya_free(kinds);
     return status;
 }
 

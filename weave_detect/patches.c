@@ -226,7 +226,7 @@ tsuya_status tsuya_patches_save(const tsuya_patch_grid *grid, const char *path)
 {
     tsuya_file_writer writer;
     TSUYA_TRY(tsuya_file_begin(&writer, path));
-    fputs("x_px,y_px,weft_deg,warp_deg,period_weft_px,period_warp_px,confidence,kind,diagonal_deg\n", writer.stream);
+    fputs("x_px,y_px,weft_deg,warp_deg,period_weft_px,period_warp_px,confidence\n", writer.stream);
     for (size_t i = 0; i < tsuya_patch_count(grid); i++) {
         const tsuya_patch *p = &grid->patch[i];
         fprintf(writer.stream, "%.1f,%.1f", p->x_px, p->y_px);
@@ -234,7 +234,19 @@ tsuya_status tsuya_patches_save(const tsuya_patch_grid *grid, const char *path)
         write_family(writer.stream, &p->threads.b, false);
         write_family(writer.stream, &p->threads.a, true);
         write_family(writer.stream, &p->threads.b, true);
-        fprintf(writer.stream, ",%.4f,%s,", p->threads.confidence, tsuya_weave_kind_name(p->threads.kind));
+        fprintf(writer.stream, ",%.4f\n", p->threads.confidence);
+    }
+    return tsuya_file_commit(&writer);
+}
+
+tsuya_status tsuya_patches_save_kinds(const tsuya_patch_grid *grid, const char *path)
+{
+    tsuya_file_writer writer;
+    TSUYA_TRY(tsuya_file_begin(&writer, path));
+    fputs("x_px,y_px,kind,diagonal_deg\n", writer.stream);
+    for (size_t i = 0; i < tsuya_patch_count(grid); i++) {
+        const tsuya_patch *p = &grid->patch[i];
+        fprintf(writer.stream, "%.1f,%.1f,%s,", p->x_px, p->y_px, tsuya_weave_kind_name(p->threads.kind));
         if (p->threads.kind == TSUYA_WEAVE_TWILL) {
             fprintf(writer.stream, "%.2f", tsuya_deg_from_rad(p->threads.diagonal_rad));
         }

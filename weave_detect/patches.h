@@ -38,8 +38,10 @@ TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_patches_detect(tsuya_patch_grid *g
                                                              const tsuya_context *context);
 TSUYA_API void tsuya_patches_free(tsuya_patch_grid *grid);
 
-/* INTERFACE's patches.csv, atomic: x_px,y_px,weft_deg,warp_deg,period_weft_px,period_warp_px,confidence,kind,diagonal_deg. */
+/* patches.csv, atomic: x_px,y_px,weft_deg,warp_deg,period_weft_px,period_warp_px,confidence. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_patches_save(const tsuya_patch_grid *grid, const char *path);
+/* The same rows: x_px,y_px,kind,diagonal_deg. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_patches_save_kinds(const tsuya_patch_grid *grid, const char *path);
 
 /* Figures: patches, sure (share with confidence ≥ 0.8), medians over those of period_weft_px, period_warp_px, angle_between_deg, and
  * with px_per_cm > 0 threads_per_cm_weft, threads_per_cm_warp; kind (the most frequent one). */

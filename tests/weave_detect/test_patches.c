@@ -99,21 +99,26 @@ static void test_the_coarser_threads_are_the_weft(void **state)
 static void test_table_and_threads(void **state)
 {
     (void)state;
-    static const char *const columns[] = {"x_px", "y_px", "weft_deg", "warp_deg", "period_weft_px", "period_warp_px", "confidence",
-                                         "kind", "diagonal_deg", NULL}, *const text[] = {"kind", NULL};
+    static const char *const columns[] = {"x_px", "y_px", "weft_deg", "warp_deg", "period_weft_px", "period_warp_px", "confidence", NULL};
+    static const char *const kind_columns[] = {"x_px", "y_px", "kind", "diagonal_deg", NULL}, *const text[] = {"kind", NULL};
     tsuya_image image;
     tsuya_patch_grid grid;
     tsuya_table table;
     tsuya_hash one, two;
-    tsuya_table_options options = {.required = columns, .known = columns, .text = text, .allow_empty = true};
+    tsuya_table_options options = {.required = columns, .known = columns, .allow_empty = true};
+    tsuya_table_options kinds = {.required = kind_columns, .known = kind_columns, .text = text, .allow_empty = true};
     draw_gratings(&image, 300, 200);
     for (int threads = 1; threads <= 2; threads++) {
         detect(&grid, &image, NULL, threads);
         assert_int_equal(grid.columns, (300 - 64) / 32 + 1);
         assert_int_equal(grid.rows, (200 - 64) / 32 + 1);
         assert_ok(tsuya_patches_save(&grid, test_path(threads == 1 ? "one.csv" : "two.csv")));
+        assert_ok(tsuya_patches_save_kinds(&grid, test_path("kinds.csv")));
         tsuya_patches_free(&grid);
     }
+    assert_ok(tsuya_table_load(&table, test_path("kinds.csv"), &kinds));
+    assert_int_equal(table.row_count, 8 * 5);
+    tsuya_table_free(&table);
     assert_ok(tsuya_hash_file(&one, test_path("one.csv")));
     assert_ok(tsuya_hash_file(&two, test_path("two.csv")));
     assert_string_equal(one.hex, two.hex);
