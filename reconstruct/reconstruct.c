@@ -1,6 +1,7 @@
 #include "reconstruct/reconstruct.h"
 
 #include "core/image.h"
+#include "reconstruct/background.h"
 #include "reconstruct/color.h"
 #include "reconstruct/fusion.h"
 #include "reconstruct/silhouette.h"
@@ -159,6 +160,38 @@ static tsuya_status close_step(tsuya_reconstruction *r, tsuya_json *figures)
     return status;
 }
 
+static double figure(const tsuya_reconstruction *r, const char *step, const char *name, double fallback)
+{
+    return tsuya_json_number_or(tsuya_json_member(tsuya_step_figures(&r->steps, step), name), fallback);
+}
+
+/* Where no masks are given and the background stands still, masks of it; `own`, a copy of the options, names them. */
+static tsuya_status background(tsuya_reconstruction *r, tsuya_reconstruct_options *own)
+{
+    const char *folder = tsuya_reconstruction_path(r, "background");
+    if (own->masks) {
+        return TSUYA_OK;
+    }
+    if (!tsuya_step_begin(&r->steps, "background", "1", folder)) {
+        tsuya_background_info info;
+        tsuya_json *figures = tsuya_json_create_object();
+        TSUYA_TRY(tsuya_folder_remove(folder));
+        TSUYA_TRY(tsuya_folder_make(folder));
+        TSUYA_TRY(tsuya_background_masks(&info, &r->photos, folder, r->context));
+        tsuya_json_set_number(figures, "found", info.found);
+        tsuya_json_set_number(figures, "border", info.border);
+        tsuya_json_set_number(figures, "masked", info.masked);
+        TSUYA_TRY(close_step(r, figures));
+    }
+    if (figure(r, "background", "found", 0.0) > 0.0) {
+        own->masks = folder;
+        r->options = own;
+        tsuya_photo_set_free(&r->photos);
+        return tsuya_photo_set_load(&r->photos, own->photos, folder);
+    }
+    return TSUYA_OK;
+}
+
 static tsuya_status stereo(tsuya_reconstruction *r)
 {
     const tsuya_reconstruct_options *o = r->options;
@@ -260,11 +293,6 @@ done:
     return status;
 }
 
-static double figure(const tsuya_reconstruction *r, const char *step, const char *name, double fallback)
-{
-    return tsuya_json_number_or(tsuya_json_member(tsuya_step_figures(&r->steps, step), name), fallback);
-}
-
 /* Of stereo, fusion and surface, all of which grow with the maps. */
 static double dense_seconds(const tsuya_reconstruction *r)
 {
@@ -280,7 +308,7 @@ static double dense_seconds(const tsuya_reconstruction *r)
 static tsuya_status collect(tsuya_reconstruction *r)
 {
     tsuya_reconstruct_info *info = r->info;
-    static const char *const PARTS[] = {"matching", "mapping", "scale", "stereo", "fusion", "surface", "color"};
+    static const char *const PARTS[] = {"background", "matching", "mapping", "scale", "stereo", "fusion", "surface", "color"};
     if (!(info->parts = tsuya_json_create_object())) {
         return TSUYA_ERROR_MEMORY;
     }
@@ -321,6 +349,7 @@ tsuya_status tsuya_reconstruct(tsuya_reconstruct_info *info, const tsuya_reconst
 {
     double start = tsuya_clock_s();
     tsuya_reconstruction r = {.options = options, .context = context, .info = info};
+    tsuya_reconstruct_options own = *options;
     tsuya_hash inputs;
     tsuya_status status;
     *info = (tsuya_reconstruct_info){.scale_m_per_unit = NAN, .scale_rms_m = NAN, .reprojection_px = NAN, .gsd = NAN,
@@ -334,6 +363,7 @@ tsuya_status tsuya_reconstruct(tsuya_reconstruct_info *info, const tsuya_reconst
     TSUYA_GOTO_DONE(status, tsuya_steps_load(&r.steps, options->output, inputs));
     TSUYA_GOTO_DONE(status, tsuya_colmap_create(&r.colmap, options->output, options->photos, context));
     snprintf(info->colmap_version, sizeof info->colmap_version, "%s", r.colmap.version);
+    TSUYA_GOTO_DONE(status, background(&r, &own));
     TSUYA_GOTO_DONE(status, tsuya_sparse_steps(&r));
     TSUYA_GOTO_DONE(status, measure_sparse(&r));
     TSUYA_GOTO_DONE(status, stereo(&r));
