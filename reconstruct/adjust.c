@@ -242,6 +242,41 @@ static void set_errors(tsuya_sparse_model *model)
     }
 }
 
+/* Median over the views of the scatter of their observations, of points up to `features` (point_id, which goes on with the corners
+ * of tags) or of those above; views with few tell none, and NAN where none does. */
+static double typical(double *scratch, const tsuya_sparse_model *m, size_t features, bool corners)
+{
+    double *value = scratch + m->view_count, dx, dy;
+    size_t views = 0;
+    for (int v = 0; v < m->view_count; v++) {
+        size_t count = 0;
+        for (int k = 0; k < m->view[v].observation_count; k++) {
+            const tsuya_observation *o = &m->view[v].observation[k];
+            if (o->point >= 0 && (m->point[o->point].point_id > features) == corners && residual(&dx, &dy, m, &m->view[v], o)) {
+                value[count++] = fabs(dx);
+                value[count++] = fabs(dy);
+            }
+        }
+        if (count >= 2 * FEW) {
+            scratch[views++] = 1.4826 * median(value, count);
+        }
+    }
+    return views > 0 ? median(scratch, views) : NAN;
+}
+
+/* No view is taken to be sharper than most: few observations follow the pose that they hold. */
+static void raise_to_median(adjustment *a)
+{
+    const size_t count = (size_t)a->model->view_count;
+    for (size_t v = 0; v < count; v++) {
+        a->scratch[v] = a->sigma_px[v];
+    }
+    double least = median(a->scratch, count);
+    for (size_t v = 0; v < count; v++) {
+        a->sigma_px[v] = fmax(a->sigma_px[v], least);
+    }
+}
+
 static tsuya_status begin(adjustment *a, tsuya_adjust_info *info)
 {
     const tsuya_sparse_model *m = a->model;
@@ -300,7 +335,7 @@ static tsuya_status add_tags(tsuya_sparse_model *model, tsuya_adjust_info *info,
     return tsuya_tags_append(model, &info->tag_observations, tags, sigma_px);
 }
 
-static tsuya_status adjust(adjustment *a, tsuya_adjust_info *info)
+static tsuya_status adjust(adjustment *a, tsuya_adjust_info *info, tsuya_tie *tie, size_t features)
 {
     tsuya_sparse_model *model = a->model, part = {0};
     tsuya_status status = TSUYA_OK;
@@ -317,12 +352,17 @@ static tsuya_status adjust(adjustment *a, tsuya_adjust_info *info)
         TSUYA_GOTO_DONE(status, round_trip(a, &done));
     }
     if (info->rounds > 0) {
-        info->sigma_px = median(a->sigma_px, (size_t)model->view_count);
         TSUYA_GOTO_DONE(status, extract(&part, a));
         set_errors(&part);
         tsuya_sparse_model whole = *model;
         *model = part;
         part = whole;
+    }
+    info->sigma_px = typical(a->scratch, model, features, false);
+    info->tag_sigma_px = info->tag_observations > 0 ? typical(a->scratch, model, features, true) : 0.0;
+    if (tie) {
+        raise_to_median(a);
+        status = tsuya_ties_measure(tie, model, a->sigma_px);
     }
 done:
     for (int v = 0; a->keep && v < model->view_count; v++) {
@@ -336,7 +376,8 @@ done:
     return status;
 }
 
-tsuya_status tsuya_adjust(tsuya_sparse_model *model, tsuya_adjust_info *info, tsuya_colmap *colmap, bool fixed_intrinsics, const tsuya_scale_input *tags)
+tsuya_status tsuya_adjust(tsuya_sparse_model *model, tsuya_adjust_info *info, tsuya_tie *tie, tsuya_colmap *colmap, bool fixed_intrinsics,
+                          const tsuya_scale_input *tags)
 {
     adjustment a = {.model = model, .colmap = colmap, .fixed_intrinsics = fixed_intrinsics};
     tsuya_status status = TSUYA_OK;
@@ -345,12 +386,15 @@ tsuya_status tsuya_adjust(tsuya_sparse_model *model, tsuya_adjust_info *info, ts
     char *folder = tsuya_path_join(colmap->folder, "adjusting");
     *info = (tsuya_adjust_info){0};
     TSUYA_GOTO_DONE(status, folder ? TSUYA_OK : TSUYA_ERROR_MEMORY);
+    for (int v = 0; tie && v < model->view_count; v++) {
+        tie[v] = (tsuya_tie){0, INFINITY, INFINITY};
+    }
     if (points == 0 || model->view_count < 2) {
         goto done;
     }
     TSUYA_NEW(status, observations, (size_t)model->view_count);
     TSUYA_GOTO_DONE(status, add_tags(model, info, observations, tags));
-    TSUYA_GOTO_DONE(status, adjust(&a, info));
+    TSUYA_GOTO_DONE(status, adjust(&a, info, tie, points));
     tsuya_tags_strip(model, points, observations);
     status = tsuya_folder_remove(folder);
 done:

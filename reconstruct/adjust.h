@@ -11,18 +11,20 @@
 
 #include "reconstruct/colmap.h"
 #include "reconstruct/scale.h"
+#include "reconstruct/tie.h"
 
 typedef struct tsuya_adjust_info {
     size_t observations, kept;
     size_t tag_observations; /* of these, corners of tags; a sharp one counts up to four times */
-    double sigma_px;  /* median over the photographs, of the last round */
+    double sigma_px;     /* of features: median over the photographs, of what is kept */
+    double tag_sigma_px; /* of corners of tags, likewise; 0 without */
     int rounds;
 } tsuya_adjust_info;
 
 /* Changes `model` (poses, points, tracks, and the intrinsics unless they are fixed).  The corners of `tags` (NULL: none) take part
  * as points of their own and are not in the model afterwards.  Works in colmap->folder/adjusting, which is removed afterwards.  A
- * model without points is left as it is. */
-TSUYA_MUST_CHECK tsuya_status tsuya_adjust(tsuya_sparse_model *model, tsuya_adjust_info *info, tsuya_colmap *colmap, bool fixed_intrinsics,
-                                           const tsuya_scale_input *tags);
+ * model without points is left as it is.  `tie` (NULL: not wanted), one for each view: how firmly features and corners together hold it. */
+TSUYA_MUST_CHECK tsuya_status tsuya_adjust(tsuya_sparse_model *model, tsuya_adjust_info *info, tsuya_tie *tie, tsuya_colmap *colmap,
+                                           bool fixed_intrinsics, const tsuya_scale_input *tags);
 
 #endif

@@ -181,6 +181,9 @@ static tsuya_status background(tsuya_reconstruction *r, tsuya_reconstruct_option
         tsuya_json_set_number(figures, "found", info.found);
         tsuya_json_set_number(figures, "border", info.border);
         tsuya_json_set_number(figures, "masked", info.masked);
+        if (info.found) {
+            tsuya_note("the background stands still and is masked (%.0f %% of the pixels); all-white masks would keep it", 100.0 * info.masked);
+        }
         TSUYA_TRY(close_step(r, figures));
     }
     if (figure(r, "background", "found", 0.0) > 0.0) {

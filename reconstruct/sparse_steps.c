@@ -203,12 +203,59 @@ done:
     return status;
 }
 
+/* TIE_MOST_PX: farther off, the dense step would look for a photograph's pixels in the wrong place; fusion asks for 1.5. */
+static const double TIE_MOST_PX = 1.0;
+
+/* Leaves out photographs whose pose is known too badly to be of use, and says so; not where that is so for most. */
+static tsuya_status leave_out_loose(tsuya_sparse_model *model, const tsuya_tie *tie, tsuya_json *figures)
+{
+    tsuya_status status = TSUYA_OK;
+    bool *drop;
+    int loose = 0;
+    TSUYA_NEW(status, drop, (size_t)model->view_count + 1);
+    for (int v = 0; v < model->view_count; v++) {
+        drop[v] = tsuya_tie_px(&tie[v]) > TIE_MOST_PX;
+        loose += drop[v];
+    }
+    const bool leave = 2 * loose < model->view_count && model->view_count - loose >= 3;
+    tsuya_json *list = tsuya_json_set_array(figures, "loose");
+    for (int v = 0; v < model->view_count; v++) {
+        if (drop[v]) {
+            tsuya_json *entry = tsuya_json_add_object(list);
+            tsuya_json_set_text(entry, "photo", model->view[v].name);
+            tsuya_json_set_number(entry, "observations", tie[v].observations);
+            tsuya_json_set_number(entry, "tie_px", tsuya_tie_px(&tie[v]));
+            tsuya_warn("%s: its %d points tie it to the others to %.1f px only%s", model->view[v].name, tie[v].observations, tsuya_tie_px(&tie[v]),
+                       leave ? "; it is left out" : "");
+        }
+    }
+    if (loose > 0 && leave) {
+        status = tsuya_views_drop(model, drop);
+    }
+done:
+    tsuya_free(drop);
+    return status;
+}
+
+static void adjusted_to_json(tsuya_json *figures, const tsuya_adjust_info *adjusted)
+{
+    tsuya_json_set_number(figures, "observations", (double)adjusted->observations);
+    tsuya_json_set_number(figures, "observations_of_tags", (double)adjusted->tag_observations);
+    tsuya_json_set_number(figures, "observations_kept", (double)adjusted->kept);
+    tsuya_json_set_number(figures, "feature_sigma_px", adjusted->sigma_px);
+    if (adjusted->tag_observations > 0) {
+        tsuya_json_set_number(figures, "tag_sigma_px", adjusted->tag_sigma_px);
+    }
+    tsuya_json_set_number(figures, "adjustments", adjusted->rounds);
+}
+
 /* The mapper's model with most photographs, as sparse/0; the others are named, and where they would join it. */
 static tsuya_status keep_largest(tsuya_reconstruction *r, tsuya_json *figures)
 {
     tsuya_sparse_model model[MODELS_MOST] = {0};
     tsuya_database database = {0};
     tsuya_adjust_info adjusted;
+    tsuya_tie *tie = NULL;
     tsuya_status status;
     int count = 0, kept = 0;
     TSUYA_GOTO_DONE(status, load_models(model, &count, r));
@@ -224,18 +271,17 @@ static tsuya_status keep_largest(tsuya_reconstruction *r, tsuya_json *figures)
         TSUYA_GOTO_DONE(status, place_by_tags(&model[kept], r, figures));
     }
     report_missing(r, &model[kept], count > 1 ? " with the largest group" : "");
-    TSUYA_GOTO_DONE(status, tsuya_adjust(&model[kept], &adjusted, &r->colmap, r->options->camera_model != NULL, r->options->scale));
-    tsuya_json_set_number(figures, "observations", (double)adjusted.observations);
-    tsuya_json_set_number(figures, "observations_of_tags", (double)adjusted.tag_observations);
-    tsuya_json_set_number(figures, "observations_kept", (double)adjusted.kept);
-    tsuya_json_set_number(figures, "feature_sigma_px", adjusted.sigma_px);
-    tsuya_json_set_number(figures, "adjustments", adjusted.rounds);
+    TSUYA_NEW(status, tie, (size_t)model[kept].view_count + 1);
+    TSUYA_GOTO_DONE(status, tsuya_adjust(&model[kept], &adjusted, tie, &r->colmap, r->options->camera_model != NULL, r->options->scale));
+    adjusted_to_json(figures, &adjusted);
+    TSUYA_GOTO_DONE(status, leave_out_loose(&model[kept], tie, figures));
     status = tsuya_sparse_model_save_binary(&model[kept], tsuya_scale_unscaled(r));
 done:
     for (int m = 0; m < MODELS_MOST; m++) {
         tsuya_sparse_model_free(&model[m]);
     }
     tsuya_database_free(&database);
+    tsuya_free(tie);
     return status;
 }
 
@@ -251,7 +297,7 @@ static tsuya_status explain_mapper(const tsuya_reconstruction *r, tsuya_status s
 
 static tsuya_status mapping(tsuya_reconstruction *r)
 {
-    const char *how = "adjusted, centre freed last";
+    const char *how = "adjusted, centre freed last, loose ones out";
     if (r->options->scale && r->options->scale->tag_count > 0) {
         tsuya_hash tags;
         TSUYA_TRY(tsuya_scale_hash(&tags, r->options->scale));

@@ -100,9 +100,9 @@ static void test_wrong_matches_are_left_out(void **state)
     squares(&plain, &colmap, 0.08);
     squares(&wrong, &colmap, 0.08);
     squares(&clean, &colmap, 0.0);
-    assert_ok(tsuya_adjust(&clean, &info, &colmap, false, NULL));
+    assert_ok(tsuya_adjust(&clean, &info, NULL, &colmap, false, NULL));
     assert_true((double)info.kept >= 0.98 * (double)info.observations); /* nothing is wrong but the lens at the start */
-    assert_ok(tsuya_adjust(&wrong, &info, &colmap, false, NULL));
+    assert_ok(tsuya_adjust(&wrong, &info, NULL, &colmap, false, NULL));
     double e_plain = center_error(&plain), e_clean = center_error(&clean), e = center_error(&wrong);
     print_message("centres: %.2g plain, %.2g adjusted, %.2g without wrong matches; focal %.3f, centre %.2f %.2f; kept %zu of %zu, sigma %.3f px, %d rounds\n",
                   e_plain, e, e_clean, wrong.camera[0].fx_px, wrong.camera[0].cx_px, wrong.camera[0].cy_px, info.kept, info.observations, info.sigma_px, info.rounds);
@@ -127,8 +127,8 @@ static void test_known_lens_stays_and_twice_is_the_same(void **state)
     open_folder(&colmap, &context);
     make(&a, 0.08, true);
     make(&b, 0.08, true);
-    assert_ok(tsuya_adjust(&a, &info, &colmap, true, NULL));
-    assert_ok(tsuya_adjust(&b, &info, &colmap, true, NULL));
+    assert_ok(tsuya_adjust(&a, &info, NULL, &colmap, true, NULL));
+    assert_ok(tsuya_adjust(&b, &info, NULL, &colmap, true, NULL));
     assert_memory_equal(&a.camera[0], &lens, sizeof lens);
     assert_int_equal(a.point_count, b.point_count);
     for (int v = 0; v < VIEWS; v++) {
@@ -189,9 +189,9 @@ static void test_tags_hold_the_cameras(void **state)
     open_folder(&colmap, &context);
     squares(&without, &colmap, 0.08);
     squares(&with, &colmap, 0.08);
-    assert_ok(tsuya_adjust(&without, &info, &colmap, false, NULL));
+    assert_ok(tsuya_adjust(&without, &info, NULL, &colmap, false, NULL));
     assert_int_equal(info.tag_observations, 0);
-    assert_ok(tsuya_adjust(&with, &info, &colmap, false, &t.input));
+    assert_ok(tsuya_adjust(&with, &info, NULL, &colmap, false, &t.input));
     double before = center_error(&without), after = center_error(&with);
     print_message("centres: %.2g without tags, %.2g with %zu observations of corners; %zu and %zu points\n", before, after, info.tag_observations, without.point_count, with.point_count);
     assert_true(info.tag_observations >= SIGHTINGS);
@@ -293,7 +293,7 @@ static void test_empty_model_stays(void **state)
     make(&m, 0.0, true);
     size_t points = m.point_count;
     m.point_count = 0;
-    assert_ok(tsuya_adjust(&m, &info, &colmap, true, NULL));
+    assert_ok(tsuya_adjust(&m, &info, NULL, &colmap, true, NULL));
     assert_int_equal(info.rounds, 0);
     assert_int_equal(m.view_count, VIEWS);
     m.point_count = points;
