@@ -81,46 +81,74 @@ static void load_grey(tsuya_image *grey, const char *path, const tsuya_camera *c
     tsuya_image_free(&small);
 }
 
-static void splat(picture *out, double x, double y, float z, float grey)
+typedef struct source {
+    tsuya_camera camera;
+    tsuya_pose camera_from_world;
+    tsuya_depth_map map;
+    tsuya_image grey;
+} source;
+
+static void source_load(source *s, const tsuya_sparse_model *model, int v, const char *workspace, int long_side_px)
 {
-    for (int k = 0; k < 4; k++) {
-        int px = (int)floor(x) + k % 2, py = (int)floor(y) + k / 2;
-        if (px < 0 || py < 0 || px >= out->width_px || py >= out->height_px) {
-            continue;
-        }
-        size_t at = (size_t)py * (size_t)out->width_px + (size_t)px;
-        if (!(out->depth[at] > 0.0f) || z < out->depth[at]) {
-            out->depth[at] = z;
-            out->grey[at] = grey;
+    char path[TEST_PATH];
+    assert_ok(tsuya_map_camera(&s->camera, model, v, long_side_px, workspace));
+    assert_ok(tsuya_map_load(&s->map, workspace, model->view[v].name, "geometric", false));
+    snprintf(path, sizeof path, "%s/images/%s", workspace, model->view[v].name);
+    load_grey(&s->grey, path, &s->camera);
+    s->camera_from_world = model->view[v].camera_from_world;
+}
+
+/* The nearest of a view's depth at every pixel of the held-out camera, two pixels wide, so that nothing shines through. */
+static void draw_depth(picture *out, const source *s, const tsuya_camera *target, tsuya_pose target_pose)
+{
+    tsuya_pose target_from_view = tsuya_pose_compose(target_pose, tsuya_pose_inverse(s->camera_from_world));
+    for (int i = 0; i < s->map.width_px * s->map.height_px; i++) {
+        double z = s->map.depth[i];
+        tsuya_vec2 pixel;
+        tsuya_vec3 p = {(i % s->map.width_px - s->camera.cx_px) / s->camera.fx_px * z, (i / s->map.width_px - s->camera.cy_px) / s->camera.fy_px * z, z};
+        p = tsuya_pose_apply(target_from_view, p);
+        for (int k = 0; z > 0.0 && k < 4 && tsuya_camera_project(target, p, &pixel); k++) {
+            int x = (int)floor(pixel.x) + k % 2, y = (int)floor(pixel.y) + k / 2;
+            if (x >= 0 && y >= 0 && x < out->width_px && y < out->height_px) {
+                float *there = &out->depth[(size_t)y * (size_t)out->width_px + (size_t)x];
+                *there = !(*there > 0.0f) || (float)p.z < *there ? (float)p.z : *there;
+            }
         }
     }
 }
 
-/* Every pixel of a view's depth map, with its colour, as the held-out camera would see it; the nearest wins. */
-static void draw_view(picture *out, const tsuya_sparse_model *model, int v, const tsuya_camera *target, tsuya_pose target_pose,
-                      const char *workspace, int long_side_px)
+/* A view's grey where it sees the point, too: its own depth there agrees to a hundredth. */
+static bool sample(float *grey, const source *s, tsuya_vec3 world)
 {
-    tsuya_camera camera;
-    tsuya_depth_map map;
-    tsuya_image grey;
-    char path[TEST_PATH];
-    assert_ok(tsuya_map_camera(&camera, model, v, long_side_px, workspace));
-    assert_ok(tsuya_map_load(&map, workspace, model->view[v].name, "geometric", false));
-    snprintf(path, sizeof path, "%s/images/%s", workspace, model->view[v].name);
-    load_grey(&grey, path, &camera);
-    tsuya_pose target_from_view = tsuya_pose_compose(target_pose, tsuya_pose_inverse(model->view[v].camera_from_world));
-    for (int i = 0; i < map.width_px * map.height_px; i++) {
-        int x = i % map.width_px, y = i / map.width_px;
-        double z = map.depth[i];
-        tsuya_vec2 pixel;
-        tsuya_vec3 p = {(x - camera.cx_px) / camera.fx_px * z, (y - camera.cy_px) / camera.fy_px * z, z};
-        p = tsuya_pose_apply(target_from_view, p);
-        if (z > 0.0 && tsuya_camera_project(target, p, &pixel)) {
-            splat(out, pixel.x, pixel.y, (float)p.z, *tsuya_image_f32(&grey, x, y));
-        }
+    tsuya_vec2 pixel;
+    tsuya_vec3 p = tsuya_pose_apply(s->camera_from_world, world);
+    if (!tsuya_camera_project(&s->camera, p, &pixel) ||
+        !(pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x <= s->map.width_px - 1.0 && pixel.y <= s->map.height_px - 1.0)) {
+        return false;
     }
-    tsuya_image_free(&grey);
-    tsuya_depth_map_free(&map);
+    double own = s->map.depth[(size_t)lrint(pixel.y) * (size_t)s->map.width_px + (size_t)lrint(pixel.x)];
+    tsuya_image_sample_bilinear(&s->grey, pixel.x, pixel.y, grey);
+    return own > 0.0 && fabs(own - p.z) <= 0.01 * p.z;
+}
+
+/* Every pixel with a depth gets the mean of the views that see it; where none does, it has none after all. */
+static void draw_colour(picture *out, const source *s, int count, const tsuya_camera *target, tsuya_pose target_pose)
+{
+    tsuya_pose world_from_target = tsuya_pose_inverse(target_pose);
+    for (int i = 0; i < out->width_px * out->height_px; i++) {
+        double z = out->depth[i], sum = 0.0;
+        int n = 0;
+        float grey;
+        tsuya_vec3 p = {(i % out->width_px - target->cx_px) / target->fx_px * z, (i / out->width_px - target->cy_px) / target->fy_px * z, z};
+        for (int k = 0; z > 0.0 && k < count; k++) {
+            if (sample(&grey, &s[k], tsuya_pose_apply(world_from_target, p))) {
+                sum += grey;
+                n++;
+            }
+        }
+        out->depth[i] = n > 0 ? out->depth[i] : 0.0f;
+        out->grey[i] = n > 0 ? (float)(sum / n) : 0.0f;
+    }
 }
 
 /* Normalised cross-correlation over a window of 11 pixels; −2 where a tenth of it is empty or nothing is to be seen. */
@@ -181,6 +209,8 @@ static void depth_agrees_with_a_photograph_never_seen(void **state)
     tsuya_reconstruct_options options = tsuya_reconstruct_options_default();
     tsuya_camera target;
     tsuya_image seen;
+    static source seen_by[MOST_VIEWS];
+    int sources = 0;
     context.threads = 2;
     lay_out(&truth, "posed");
     options.photos = test_path("posed/photos");
@@ -196,16 +226,24 @@ static void depth_agrees_with_a_photograph_never_seen(void **state)
     int held_out = tsuya_sparse_model_find(&dense, HELD_OUT);
     assert_true(held_out >= 0);
     assert_ok(tsuya_map_camera(&target, &dense, held_out, info.dense_long_side_px, workspace));
+    const tsuya_pose target_pose = dense.view[held_out].camera_from_world;
     size_t pixels = (size_t)target.width_px * (size_t)target.height_px;
     picture drawn = {target.width_px, target.height_px, calloc(pixels, sizeof(float)), calloc(pixels, sizeof(float))};
     assert_true(drawn.depth && drawn.grey);
     for (int v = 0; v < dense.view_count; v++) {
         if (v != held_out && tsuya_map_exists(workspace, dense.view[v].name, "geometric")) {
-            draw_view(&drawn, &dense, v, &target, dense.view[held_out].camera_from_world, workspace, info.dense_long_side_px);
+            source_load(&seen_by[sources], &dense, v, workspace, info.dense_long_side_px);
+            draw_depth(&drawn, &seen_by[sources++], &target, target_pose);
         }
     }
+    assert_int_equal(sources, dense.view_count - 1);
+    draw_colour(&drawn, seen_by, sources, &target, target_pose);
     load_grey(&seen, test_path("posed/out/dense/images/0005.jpg"), &target);
     assert_colours_agree(&drawn, &seen);
+    for (int k = 0; k < sources; k++) {
+        tsuya_depth_map_free(&seen_by[k].map);
+        tsuya_image_free(&seen_by[k].grey);
+    }
     tsuya_image_free(&seen);
     free(drawn.depth);
     free(drawn.grey);
