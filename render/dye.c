@@ -292,7 +292,8 @@ static tsuya_status dye(dyeing *d, tsuya_dye_info *info)
     tsuya_status status = TSUYA_OK;
     tsuya_dye_room room = {.mesh = &d->mesh, .rays = d->rays, .lights = &d->lights, .material = d->material, .material_count = d->options->material_count,
                            .eye = d->eye, .bias = 0.1 * d->edge};
-    tsuya_dye_problem problem = {.fine = d->fine, .place = d->place, .reading = d->reading, .looks = &d->looks, .own = d->own};
+    tsuya_dye_problem problem = {.fine = d->fine, .place = d->place, .reading = d->reading, .looks = &d->looks, .own = d->own,
+                                 .view_count = d->options->view_count};
     TSUYA_NEW(status, d->irradiance, 3 * d->mesh.vertex_count);
     TSUYA_NEW(status, d->sent, 3 * d->mesh.vertex_count);
     TSUYA_GOTO_DONE(status, tsuya_dye_light(d->irradiance, NULL, &room, NULL, d->context));

@@ -6,7 +6,8 @@
  *
  * S and B are the radiance of the surface part and of a white dye under it (brdf/material.h: the value is linear in the dye), under
  * the lamps, their shadows and what the rest of the cloth sends, by the measured material and the mesh's weft.  The dye of each
- * place is found from all photographs that see it, robustly; the gain (exposure and white balance, one a channel for the session) is
+ * place is found from all photographs that see it, robustly; the gain (exposure and white balance, one a channel for the session, near one
+ * another, for the lamps' colours are those that the camera records) is
  * the one under which the photographs agree best about dyes in [0, 1].  It is sharp where the shine changes between views.
  * Linear in the dye and separable like the albedo in J. Lombardi & K. Nishino, "Reflectance and Illumination Recovery in the Wild",
  * PAMI 38(1), 2016, with the lamps and the reflectance known. */

@@ -10,6 +10,7 @@
 enum { PLACES_MOST = 4000, GAIN_STEPS = 48, REFINE_STEPS = 40, TURNS = 5 };
 /* Spread of a reading: of its own value, of the shine in it (the model of which is the least certain part), and of full scale. */
 static const double OF_VALUE = 0.03, OF_SHINE = 0.15, OF_SCALE = 0.004, HUBER = 1.5;
+static const double WHITE_BALANCE = 0.1; /* of the lamps' colours against what the camera recorded of them: relative, one sigma */
 
 /* One reading of one place with the light that falls there. */
 typedef struct term {
@@ -118,28 +119,69 @@ static double white_gain(double ratio[PLACES_MOST], const sample *s, int count, 
     return n > 0 ? ratio[n / 2] : NAN;
 }
 
-/* Over a wide range in steps, then by golden section about the best.  white: see white_gain. */
-static double find_gain(double white, const sample *s, int count, int c)
+/* What is minimised over the logarithm of a gain: a share of each channel's disagreement under its own best, and how far a channel may leave the others. */
+typedef struct gain_search {
+    const sample *list;
+    int count, channel, channels; /* of channel and those after it */
+    double best[3], looks;
+    double common;                /* NaN: none is asked for */
+} gain_search;
+
+static double gain_cost(const gain_search *g, double at)
 {
-    const double golden = 0.5 * (sqrt(5.0) - 1.0), low = log(0.3 * white), step = log(300.0) / GAIN_STEPS;
-    double best = INFINITY, at = low;
-    for (int k = 0; k <= GAIN_STEPS; k++) {
-        double cost = disagreement(s, count, c, exp(low + k * step));
-        if (cost < best) {
-            best = cost;
-            at = low + k * step;
-        }
+    double sum = 0.0, off = (at - g->common) / WHITE_BALANCE;
+    for (int c = g->channel; c < g->channel + g->channels; c++) {
+        sum += 0.5 * g->looks * disagreement(g->list, g->count, c, exp(at)) / g->best[c];
     }
-    double a = at - step, b = at + step;
+    return isnan(g->common) ? sum : sum + 0.5 * off * off;
+}
+
+static double golden_section(const gain_search *g, double a, double b)
+{
+    const double golden = 0.5 * (sqrt(5.0) - 1.0);
     for (int k = 0; k < REFINE_STEPS / 2; k++) {
         double x = b - golden * (b - a), y = a + golden * (b - a);
-        if (disagreement(s, count, c, exp(x)) < disagreement(s, count, c, exp(y))) {
+        if (gain_cost(g, x) < gain_cost(g, y)) {
             b = y;
         } else {
             a = x;
         }
     }
-    return exp(0.5 * (a + b));
+    return 0.5 * (a + b);
+}
+
+/* The lamps' colours are told as the camera records them, so one gain is sought for all channels, over a wide range in steps, then about
+ * the best.  Each channel may leave it by what its photographs say against WHITE_BALANCE: errors of the model are alike all over a
+ * photograph, so that there are as many independent readings as photographs.  white: see white_gain. */
+static void find_gain(double gain[3], gain_search *g, const double white[3])
+{
+    double cost[GAIN_STEPS + 1] = {0}, low = log(0.3 * fmin(fmin(white[0], white[1]), white[2])), step = log(300.0) / GAIN_STEPS;
+    int at = 0;
+    for (int c = 0; c < 3; c++) {
+        double own[GAIN_STEPS + 1];
+        g->best[c] = INFINITY;
+        for (int k = 0; k <= GAIN_STEPS; k++) {
+            own[k] = disagreement(g->list, g->count, c, exp(low + k * step));
+            g->best[c] = fmin(g->best[c], own[k]);
+        }
+        g->best[c] = fmax(g->best[c], 1e-9);
+        for (int k = 0; k <= GAIN_STEPS; k++) {
+            cost[k] += own[k] / g->best[c];
+        }
+    }
+    for (int k = 1; k <= GAIN_STEPS; k++) {
+        at = cost[k] < cost[at] ? k : at;
+    }
+    g->channel = 0;
+    g->channels = 3;
+    g->common = NAN;
+    double common = golden_section(g, low + (at - 1) * step, low + (at + 1) * step);
+    for (int c = 0; c < 3; c++) {
+        g->channel = c;
+        g->channels = 1;
+        g->common = common;
+        gain[c] = exp(golden_section(g, common - 5.0 * WHITE_BALANCE, common + 5.0 * WHITE_BALANCE));
+    }
 }
 
 /* Places that many photographs see, evenly over the mesh. */
@@ -158,13 +200,15 @@ static tsuya_status find_gains(tsuya_dye_info *info, const tsuya_dye_problem *p)
 {
     tsuya_status status = TSUYA_OK;
     sample *s = NULL;
-    double *ratio = NULL;
+    double *ratio = NULL, white[3];
     TSUYA_NEW(status, s, PLACES_MOST);
     TSUYA_NEW(status, ratio, PLACES_MOST);
     int count = gather(s, p);
     for (int c = 0; c < 3; c++) {
-        info->gain[c] = find_gain(white_gain(ratio, s, count, c), s, count, c);
+        white[c] = white_gain(ratio, s, count, c);
     }
+    gain_search search = {.list = s, .count = count, .looks = p->view_count};
+    find_gain(info->gain, &search, white);
     if (!isfinite(info->gain[0] + info->gain[1] + info->gain[2])) {
         status = tsuya_fail(TSUYA_ERROR_INPUT, "dye: no place of the cloth is lit and seen by three photographs; dyes need some");
     }

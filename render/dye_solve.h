@@ -20,6 +20,7 @@ typedef struct tsuya_dye_problem {
     const tsuya_split_place *place;
     const tsuya_dye_reading *reading; /* TSUYA_DYE_READINGS by vertex of fine */
     const tsuya_dye_looks *looks;     /* by vertex of the coarse mesh */
+    int view_count;                   /* ≥ 1 */
 } tsuya_dye_problem;
 
 /* Fills the colours, and gain, seen and residual. */
