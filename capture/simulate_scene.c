@@ -43,8 +43,8 @@ static const tsuya_yaml_field camera_fields[] = {
 static const tsuya_yaml_field view_fields[] = {
     FIELD(tsuya_scene_view, count, TSUYA_YAML_INT),         FIELD(tsuya_scene_view, elevation_deg, TSUYA_YAML_NUMBER),
     FIELD(tsuya_scene_view, distance_m, TSUYA_YAML_NUMBER), FIELD(tsuya_scene_view, target_m, TSUYA_YAML_NUMBER),
-    FIELD(tsuya_scene_view, azimuth_deg, TSUYA_YAML_NUMBER), FIELD(tsuya_scene_view, jitter, TSUYA_YAML_NUMBER),
-    FIELD(tsuya_scene_view, px_per_thread, TSUYA_YAML_NUMBER), {0},
+    FIELD(tsuya_scene_view, azimuth_deg, TSUYA_YAML_NUMBER), FIELD(tsuya_scene_view, sweep_deg, TSUYA_YAML_NUMBER),
+    FIELD(tsuya_scene_view, jitter, TSUYA_YAML_NUMBER),     FIELD(tsuya_scene_view, px_per_thread, TSUYA_YAML_NUMBER), {0},
 };
 static const tsuya_yaml_field lamp_fields[] = {
     FIELD(tsuya_scene_lamp, type, TSUYA_YAML_TEXT),      FIELD(tsuya_scene_lamp, position_m, TSUYA_YAML_NUMBERS),
@@ -102,7 +102,8 @@ static const int_rule camera_ints[] = {NUMBER(tsuya_scene_camera, jpeg_quality, 
 static const number_rule view_numbers[] = {
     NUMBER(tsuya_scene_view, elevation_deg, 20, -89, 89),   NUMBER(tsuya_scene_view, distance_m, NAN, 0.01, 100),
     NUMBER(tsuya_scene_view, target_m, NAN, -10, 10),       NUMBER(tsuya_scene_view, azimuth_deg, 0, -360, 360),
-    NUMBER(tsuya_scene_view, jitter, 0.04, 0, 0.5),         NUMBER(tsuya_scene_view, px_per_thread, NAN, 0.1, 100), {0},
+    NUMBER(tsuya_scene_view, sweep_deg, 360, 1, 360),       NUMBER(tsuya_scene_view, jitter, 0.04, 0, 0.5),
+    NUMBER(tsuya_scene_view, px_per_thread, NAN, 0.1, 100), {0},
 };
 static const int_rule view_ints[] = {NUMBER(tsuya_scene_view, count, 12, 1, 999), {0}};
 static const number_rule tags_numbers[] = {NUMBER(tsuya_scene_tags, tag_mm, 30, 1, 1000), NUMBER(tsuya_scene_tags, gap_mm, 9, 0.1, 1000), {0}};

@@ -116,6 +116,13 @@ tsuya_status tsuya_simulate_camera(tsuya_camera *camera, const tsuya_simulate_sc
     return TSUYA_OK;
 }
 
+/* Of a whole ring, which starts at azimuth_deg, or of an arc with azimuth_deg in its middle. */
+static double ring_azimuth(const tsuya_scene_view *v, double i)
+{
+    double sweep = tsuya_rad_from_deg(v->sweep_deg), start = v->sweep_deg < 360.0 ? 0.5 / v->count - 0.5 : 0.0;
+    return tsuya_rad_from_deg(v->azimuth_deg) + sweep * (start + i / v->count);
+}
+
 /* By hand: evenly spaced, each place off by a few per cent and aimed a little beside. */
 static simulate_view ring_view(const tsuya_scene_view *v, tsuya_vec3 target, int i, int number, uint64_t seed)
 {
@@ -123,15 +130,15 @@ static simulate_view ring_view(const tsuya_scene_view *v, tsuya_vec3 target, int
     for (int k = 0; k < 5; k++) {
         jitter[k] = v->jitter * 2.0 * (tsuya_random_uniform(seed, SIMULATE_POSES, (uint64_t)(5 * number + k)) - 0.5);
     }
-    double azimuth = tsuya_rad_from_deg(v->azimuth_deg) + 2.0 * M_PI * (i + 3.0 * jitter[0]) / v->count;
+    double azimuth = ring_azimuth(v, i + 3.0 * jitter[0]);
     double elevation = tsuya_rad_from_deg(v->elevation_deg) + jitter[1], distance = v->distance_m * (1.0 + 0.5 * jitter[2]);
     tsuya_vec3 aim = {target.x + 0.5 * jitter[3] * distance, target.y + 0.5 * jitter[4] * distance, target.z};
     tsuya_vec3 eye = {aim.x + distance * cos(elevation) * cos(azimuth), aim.y + distance * cos(elevation) * sin(azimuth), aim.z + distance * sin(elevation)};
     return (simulate_view){tsuya_pose_look_at(eye, aim, (tsuya_vec3){0, 0, 1}), distance, false};
 }
 
-/* Straight before a vertex, where nothing stands between; false where something does, or under the floor. */
-static bool close_view(simulate_view *view, tsuya_vec3 *at, const tsuya_scene_view *v, const tsuya_simulate_scene *s, const tsuya_camera *camera,
+/* Straight before a vertex; the share of the picture that the cloth fills.  0 where something stands between, or under the floor, or below a half. */
+static double close_view(simulate_view *view, tsuya_vec3 *at, const tsuya_scene_view *v, const tsuya_simulate_scene *s, const tsuya_camera *camera,
                        const tsuya_mesh *mesh, size_t vertex, uint64_t seed)
 {
     const float *nf = mesh->normal + 3 * vertex;
@@ -145,16 +152,16 @@ static bool close_view(simulate_view *view, tsuya_vec3 *at, const tsuya_scene_vi
     tsuya_vec3 eye = tsuya_vec3_mad(*at, distance * (1.0 + v->jitter * (tsuya_random_uniform(seed, SIMULATE_CLOSE, 7 * vertex) - 0.5)), n);
     *view = (simulate_view){tsuya_pose_look_at(eye, *at, (tsuya_vec3){0.1, 0, 1}), distance, true};
     if (eye.z < foot.z + 0.05 || fabs(n.z) > 0.98) {
-        return false;
+        return 0.0;
     }
     tsuya_camera small = tsuya_camera_scaled(camera, 100, (int)fmax(1.0, 100.0 * camera->height_px / camera->width_px));
     tsuya_context alone = {.threads = 1, .seed = 1};
     tsuya_raster raster;
     tsuya_vec2 pixel;
     tsuya_vec3 p = tsuya_pose_apply(view->camera_from_world, *at);
-    bool seen = false;
+    double share = 0.0;
     if (!tsuya_camera_project(&small, p, &pixel) || tsuya_raster_create(&raster, small.width_px, small.height_px) != TSUYA_OK) {
-        return false;
+        return 0.0;
     }
     if (tsuya_raster_draw(&raster, mesh, &small, view->camera_from_world, &alone) == TSUYA_OK) {
         int x = (int)fmin(fmax(round(pixel.x), 0), small.width_px - 1), y = (int)fmin(fmax(round(pixel.y), 0), small.height_px - 1);
@@ -162,13 +169,13 @@ static bool close_view(simulate_view *view, tsuya_vec3 *at, const tsuya_scene_vi
         for (size_t k = 0; k < (size_t)small.width_px * (size_t)small.height_px; k++) {
             covered += raster.depth[k] > 0.0f;
         }
-        seen = fabs((double)raster.depth[y * small.width_px + x] / p.z - 1.0) < 0.03 && covered > (size_t)(small.width_px * small.height_px) / 2;
+        share = fabs((double)raster.depth[y * small.width_px + x] / p.z - 1.0) < 0.03 ? (double)covered / (small.width_px * small.height_px) : 0.0;
     }
     tsuya_raster_free(&raster);
-    return seen;
+    return share > 0.5 ? share : 0.0;
 }
 
-/* Close-ups spread over the cloth: of some candidates that can be seen, the one farthest from those before. */
+/* Close-ups spread over the cloth: of some candidates that can be seen, one far from those before and full of cloth. */
 static tsuya_status close_views(simulate_view *view, const tsuya_scene_view *v, const tsuya_simulate_scene *s, const tsuya_camera *camera,
                                 const tsuya_studio_cloth *cloth, uint64_t seed)
 {
@@ -181,14 +188,15 @@ static tsuya_status close_views(simulate_view *view, const tsuya_scene_view *v, 
             tsuya_vec3 at;
             size_t vertex = (size_t)(tsuya_random_uniform(seed, SIMULATE_CLOSE, (uint64_t)(i * CANDIDATES + k)) * (double)cloth->mesh.vertex_count);
             double nearest = 1e9;
-            if (!close_view(&own, &at, v, s, camera, &cloth->mesh, vertex, seed)) {
+            double share = close_view(&own, &at, v, s, camera, &cloth->mesh, vertex, seed);
+            if (share == 0.0) {
                 continue;
             }
             for (int j = 0; j < i; j++) {
                 nearest = fmin(nearest, tsuya_vec3_norm(tsuya_vec3_sub(at, taken[j])));
             }
-            if (nearest > best) {
-                best = nearest;
+            if (nearest * share * share > best) {
+                best = nearest * share * share;
                 view[i] = own;
                 taken[i] = at;
             }
