@@ -175,10 +175,10 @@ static tsuya_status set_camera(command *c, const tsuya_camera *camera)
     return TSUYA_OK;
 }
 
-tsuya_status tsuya_colmap_features(tsuya_colmap *colmap, const char *masks, const tsuya_camera *camera, tsuya_lens lens)
+tsuya_status tsuya_colmap_features(tsuya_colmap *colmap, const char *masks, const tsuya_camera *camera, tsuya_lens lens, int most)
 {
     static const char *const LEFT[] = {"database.db", "database.db-shm", "database.db-wal"};
-    char *help = NULL, path[ARGUMENT_SIZE];
+    char *help = NULL, path[ARGUMENT_SIZE], limit[16];
     command *c = tsuya_calloc(1, sizeof *c);
     tsuya_status status = c ? begin(c, colmap, "feature_extractor", "features", &help) : TSUYA_ERROR_MEMORY;
     if (status != TSUYA_OK) {
@@ -201,6 +201,8 @@ tsuya_status tsuya_colmap_features(tsuya_colmap *colmap, const char *masks, cons
     }
     set(c, "--SiftExtraction.use_gpu", "0");
     set_threads(c, "--SiftExtraction.num_threads");
+    snprintf(limit, sizeof limit, "%d", most);
+    set(c, "--SiftExtraction.max_num_features", limit);
     c->zeroed = true;
     status = finish(c);
 done:

@@ -20,8 +20,9 @@ typedef struct tsuya_colmap {
 TSUYA_MUST_CHECK tsuya_status tsuya_colmap_create(tsuya_colmap *colmap, const char *folder, const char *photos,
                                                   const tsuya_context *context);
 /* database.db anew, with the features of every photograph and one shared camera.  `masks`: folder of NAME.jpg.png or NULL.
- * `camera`: intrinsics that are known, or NULL (focal length from EXIF, `lens` refined later). */
-TSUYA_MUST_CHECK tsuya_status tsuya_colmap_features(tsuya_colmap *colmap, const char *masks, const tsuya_camera *camera, tsuya_lens lens);
+ * `camera`: intrinsics that are known, or NULL (focal length from EXIF, `lens` refined later).  `most`: features of a photograph, the
+ * largest first; levels of scale are kept whole. */
+TSUYA_MUST_CHECK tsuya_status tsuya_colmap_features(tsuya_colmap *colmap, const char *masks, const tsuya_camera *camera, tsuya_lens lens, int most);
 /* Verifies a list of raw matches (two names, pairs of indices, an empty line); what is in the database stays. */
 TSUYA_MUST_CHECK tsuya_status tsuya_colmap_verify(tsuya_colmap *colmap, const char *match_list);
 /* Incremental mapping into FOLDER/OUTPUT/0, 1, …  */

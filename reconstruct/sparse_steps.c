@@ -5,17 +5,22 @@
 #include "reconstruct/adjust_tags.h"
 #include "reconstruct/database_adapter.h"
 #include "reconstruct/groups.h"
+#include "reconstruct/join.h"
 #include "reconstruct/match_steps.h"
 #include "reconstruct/scale_step.h"
 #include "reconstruct/undistort.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
 /* From so many photographs of one lens on, COLMAP refines tangential distortion too. */
 enum { ENOUGH_FOR_OPENCV = 10 };
+/* Features of a photograph: a small one has no more than this many pixels for each, so that threads in a close-up, all alike, do not crowd out its pattern. */
+enum { FEATURES_MOST = 8192, FEATURES_LEAST = 1024, PIXELS_OF_FEATURE = 64 };
+
 const char *tsuya_reconstruction_path(const tsuya_reconstruction *r, const char *name)
 {
     const char *path = tsuya_arena_printf(r->arena, "%s/%s", r->options->output, name);
@@ -131,8 +136,12 @@ done:
 static tsuya_status features(tsuya_reconstruction *r)
 {
     tsuya_lens lens = r->photos.count >= ENOUGH_FOR_OPENCV ? TSUYA_LENS_OPENCV4 : TSUYA_LENS_SIMPLE_RADIAL;
-    if (tsuya_step_begin(&r->steps, "features", lens == TSUYA_LENS_OPENCV4 ? "opencv4, by name, zeroed" : "simple_radial, by name, zeroed", tsuya_reconstruction_path(r, "database.db"))) {
-        return TSUYA_OK;
+    const tsuya_photo *first = &r->photos.photo[0];
+    const double share = (double)first->width_px * first->height_px / PIXELS_OF_FEATURE;
+    const int most = (int)fmin(fmax(share, FEATURES_LEAST), FEATURES_MOST);
+    const char *how = tsuya_arena_printf(r->arena, "%s, by name, zeroed, %d", lens == TSUYA_LENS_OPENCV4 ? "opencv4" : "simple_radial", most);
+    if (!how || tsuya_step_begin(&r->steps, "features", how, tsuya_reconstruction_path(r, "database.db"))) {
+        return how ? TSUYA_OK : TSUYA_ERROR_MEMORY;
     }
     const char *masks;
     tsuya_camera camera;
@@ -140,7 +149,7 @@ static tsuya_status features(tsuya_reconstruction *r)
     if (r->options->camera_model) {
         TSUYA_TRY(load_intrinsics(&camera, r));
     }
-    TSUYA_TRY(tsuya_colmap_features(&r->colmap, masks, r->options->camera_model ? &camera : NULL, lens));
+    TSUYA_TRY(tsuya_colmap_features(&r->colmap, masks, r->options->camera_model ? &camera : NULL, lens, most));
     TSUYA_TRY(tsuya_database_sort_images(tsuya_reconstruction_path(r, "database.db")));
     if (r->options->poses) {
         TSUYA_TRY(adopt_poses(r, tsuya_reconstruction_path(r, "posed")));
@@ -181,26 +190,38 @@ static tsuya_status load_models(tsuya_sparse_model model[MODELS_MOST], int *coun
                                    r->options->photos);
 }
 
-/* Photographs that features do not place, but tags do; their features then find the points of the others. */
-static tsuya_status place_by_tags(tsuya_sparse_model *model, tsuya_reconstruction *r, tsuya_json *figures)
+/* What was moved by tags finds, by its features, the points of the others. */
+static tsuya_status triangulate_anew(tsuya_sparse_model *model, tsuya_reconstruction *r)
 {
-    tsuya_database database = {0};
-    tsuya_status status;
-    int placed = 0;
-    TSUYA_GOTO_DONE(status, tsuya_database_load(&database, tsuya_reconstruction_path(r, "database.db")));
-    TSUYA_GOTO_DONE(status, tsuya_tags_place(model, &placed, &database, r->options->scale));
-    tsuya_json_set_number(figures, "placed_by_tags", placed);
-    if (placed > 0) {
-        TSUYA_GOTO_DONE(status, tsuya_folder_make(tsuya_reconstruction_path(r, "placed")));
-        TSUYA_GOTO_DONE(status, tsuya_sparse_model_save_binary(model, tsuya_reconstruction_path(r, "placed")));
-        TSUYA_GOTO_DONE(status, tsuya_colmap_triangulate(&r->colmap, "placed", "placed/points"));
-        tsuya_sparse_model_free(model);
-        TSUYA_GOTO_DONE(status, tsuya_sparse_model_load(model, tsuya_reconstruction_path(r, "placed/points")));
-        status = tsuya_folder_remove(tsuya_reconstruction_path(r, "placed"));
+    TSUYA_TRY(tsuya_folder_make(tsuya_reconstruction_path(r, "placed")));
+    TSUYA_TRY(tsuya_sparse_model_save_binary(model, tsuya_reconstruction_path(r, "placed")));
+    TSUYA_TRY(tsuya_colmap_triangulate(&r->colmap, "placed", "placed/points"));
+    tsuya_sparse_model_free(model);
+    TSUYA_TRY(tsuya_sparse_model_load(model, tsuya_reconstruction_path(r, "placed/points")));
+    return tsuya_folder_remove(tsuya_reconstruction_path(r, "placed"));
+}
+
+/* Groups and photographs that features do not place, but tags do.  Groups that remain close up behind the kept one, which comes first. */
+static tsuya_status place_by_tags(tsuya_sparse_model *model, int *count, tsuya_reconstruction *r, const tsuya_database *database, tsuya_json *figures)
+{
+    int joined = 0, placed = 0, left = 1;
+    for (int m = 1; m < *count; m++) {
+        int came;
+        TSUYA_TRY(tsuya_models_join(&model[0], &came, &model[m], r->options->scale));
+        joined += came;
+        if (came > 0) {
+            tsuya_sparse_model_free(&model[m]);
+        } else {
+            tsuya_sparse_model own = model[m];
+            model[m] = (tsuya_sparse_model){0};
+            model[left++] = own;
+        }
     }
-done:
-    tsuya_database_free(&database);
-    return status;
+    *count = left;
+    TSUYA_TRY(tsuya_tags_place(&model[0], &placed, database, r->options->scale));
+    tsuya_json_set_number(figures, "joined_by_tags", joined);
+    tsuya_json_set_number(figures, "placed_by_tags", placed);
+    return joined + placed > 0 ? triangulate_anew(&model[0], r) : TSUYA_OK;
 }
 
 /* TIE_MOST_PX: farther off, the dense step would look for a photograph's pixels in the wrong place; fusion asks for 1.5. */
@@ -262,20 +283,23 @@ static tsuya_status keep_largest(tsuya_reconstruction *r, tsuya_json *figures)
     for (int m = 1; m < count; m++) {
         kept = model[m].view_count > model[kept].view_count ? m : kept;
     }
+    tsuya_sparse_model largest = model[kept];
+    model[kept] = model[0];
+    model[0] = largest;
     tsuya_json_set_number(figures, "models", count);
+    TSUYA_GOTO_DONE(status, tsuya_database_load(&database, tsuya_reconstruction_path(r, "database.db")));
+    if (r->options->scale && model[0].view_count < r->photos.count) {
+        TSUYA_GOTO_DONE(status, place_by_tags(model, &count, r, &database, figures));
+    }
     if (count > 1) {
-        TSUYA_GOTO_DONE(status, tsuya_database_load(&database, tsuya_reconstruction_path(r, "database.db")));
-        TSUYA_GOTO_DONE(status, tsuya_groups_report(tsuya_json_set_array(figures, "groups"), model, count, kept, &database, &r->photos, r->context));
+        TSUYA_GOTO_DONE(status, tsuya_groups_report(tsuya_json_set_array(figures, "groups"), model, count, 0, &database, &r->photos, r->context));
     }
-    if (r->options->scale && model[kept].view_count < r->photos.count) {
-        TSUYA_GOTO_DONE(status, place_by_tags(&model[kept], r, figures));
-    }
-    report_missing(r, &model[kept], count > 1 ? " with the largest group" : "");
-    TSUYA_NEW(status, tie, (size_t)model[kept].view_count + 1);
-    TSUYA_GOTO_DONE(status, tsuya_adjust(&model[kept], &adjusted, tie, &r->colmap, r->options->camera_model != NULL, r->options->scale));
+    report_missing(r, &model[0], count > 1 ? " with the largest group" : "");
+    TSUYA_NEW(status, tie, (size_t)model[0].view_count + 1);
+    TSUYA_GOTO_DONE(status, tsuya_adjust(&model[0], &adjusted, tie, &r->colmap, r->options->camera_model != NULL, r->options->scale));
     adjusted_to_json(figures, &adjusted);
-    TSUYA_GOTO_DONE(status, leave_out_loose(&model[kept], tie, figures));
-    status = tsuya_sparse_model_save_binary(&model[kept], tsuya_scale_unscaled(r));
+    TSUYA_GOTO_DONE(status, leave_out_loose(&model[0], tie, figures));
+    status = tsuya_sparse_model_save_binary(&model[0], tsuya_scale_unscaled(r));
 done:
     for (int m = 0; m < MODELS_MOST; m++) {
         tsuya_sparse_model_free(&model[m]);
@@ -297,7 +321,7 @@ static tsuya_status explain_mapper(const tsuya_reconstruction *r, tsuya_status s
 
 static tsuya_status mapping(tsuya_reconstruction *r)
 {
-    const char *how = "adjusted, centre freed last, loose ones out";
+    const char *how = "adjusted, centre freed last, loose ones out, groups joined";
     if (r->options->scale && r->options->scale->tag_count > 0) {
         tsuya_hash tags;
         TSUYA_TRY(tsuya_scale_hash(&tags, r->options->scale));
