@@ -30,6 +30,7 @@ tsuya_status tsuya_albedo_table_create(tsuya_albedo_table **table, int side, int
     TSUYA_NEW(status, t, 1);
     t->channels = channels;
     t->side = side;
+    t->level_above = INFINITY;
     TSUYA_NEW(status, t->value, (size_t)t->side * (size_t)t->side * (size_t)channels);
     TSUYA_NEW(status, t->inverse_rest, (size_t)channels);
     *table = t;
@@ -124,18 +125,72 @@ limit_block(const tsuya_albedo_table *limit, const tsuya_direction_batch *d, int
     }
 }
 
+void tsuya_limit_find_level(tsuya_albedo_table *t)
+{
+    int nodes = t->side * t->side, same = 0;
+    while (same < nodes && t->value[same * t->channels] == t->value[0]) {
+        same++;
+    }
+    int row = same / t->side - 1; /* the last that is level */
+    double rest = 1.0 - (double)row / (t->side - 1), s = 1.0 - rest * rest;
+    t->level_above = row > 0 ? (float)(1.0 - s * s + 1e-6) : INFINITY; /* brdf/albedo_grid.h; and what float may be off by */
+}
+
+static void multiply(float *value, int channels, int plane, int count, const float *factor)
+{
+    for (int c = 0; c < channels; ++c) {
+        float *restrict to = value + (size_t)c * (size_t)plane;
+        for (int k = 0; k < count; ++k) {
+            to[k] *= factor[k];
+        }
+    }
+}
+
+/* Which of a block's pairs have a direction near the horizon, or one that is not finite. */
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static int
+find_low(unsigned char *restrict low, const float *restrict iz, const float *restrict oz, int count, float level_above)
+{
+    int some = 0;
+    for (int k = 0; k < count; ++k) {
+        low[k] = !((iz[k] < oz[k] ? iz[k] : oz[k]) >= level_above);
+        some += low[k];
+    }
+    return some;
+}
+
+/* The pairs that are low, and what all have in common. */
+static void limit_some(float *value, int channels, int plane, const unsigned char *low, const tsuya_albedo_table *limit, const tsuya_direction_batch *d, int from,
+                       int count)
+{
+    float common = limit->value[0] * limit->value[0];
+    for (int c = 0; c < channels && common < 1.0f; ++c) {
+        for (int k = 0; k < count; ++k) {
+            value[(size_t)c * (size_t)plane + (size_t)k] *= common;
+        }
+    }
+    for (int k = 0; k < count; ++k) {
+        if (low[k]) {
+            float factor;
+            limit_block(limit, d, from + k, 1, &factor);
+            for (int c = 0; c < channels; ++c) {
+                value[(size_t)c * (size_t)plane + (size_t)k] *= factor / common;
+            }
+        }
+    }
+}
+
 void tsuya_limit_batch(const tsuya_albedo_table *limit, int channels, const tsuya_direction_batch *d, float *value)
 {
     enum { BLOCK = 256 };
+    unsigned char low[BLOCK];
     float factor[BLOCK];
     for (int from = 0; from < d->count; from += BLOCK) {
         int count = d->count - from < BLOCK ? d->count - from : BLOCK;
-        limit_block(limit, d, from, count, factor);
-        for (int c = 0; c < channels; ++c) {
-            float *restrict plane = value + (size_t)c * (size_t)d->count + from;
-            for (int k = 0; k < count; ++k) {
-                plane[k] *= factor[k];
-            }
+        if (find_low(low, d->wi_z + from, d->wo_z + from, count, limit->level_above) > count / 4) {
+            limit_block(limit, d, from, count, factor);
+            multiply(value + from, channels, d->count, count, factor);
+        } else {
+            limit_some(value + from, channels, d->count, low, limit, d, from, count);
         }
     }
 }

@@ -18,13 +18,16 @@ typedef struct tsuya_albedo_table {
     int side, channels;
     float *value;         /* (row * side + column) * channels + c */
     double *inverse_rest; /* 1 / (π r̄) per channel; 0 where nothing is left */
+    float level_above;    /* of a table of factors: directions whose z is at least this have the value of the first node; ∞: none */
 } tsuya_albedo_table;
 
 /* A table of zeros. */
 TSUYA_MUST_CHECK tsuya_status tsuya_albedo_table_create(tsuya_albedo_table **table, int side, int channels);
 /* inverse_rest from the values. */
 void tsuya_albedo_table_fill_mean(tsuya_albedo_table *table);
-/* value[c * count + k] *= s(wi) s(wo) */
+/* level_above, from the values of the first channel. */
+void tsuya_limit_find_level(tsuya_albedo_table *limit);
+/* value[c * count + k] *= s(wi) s(wo).  Cost: nearly none for directions that no factor but a common one holds. */
 void tsuya_limit_batch(const tsuya_albedo_table *limit, int channels, const tsuya_direction_batch *batch, float *value);
 void tsuya_albedo_table_free(tsuya_albedo_table *table);
 size_t tsuya_albedo_table_bytes(const tsuya_albedo_table *table);

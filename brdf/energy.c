@@ -278,6 +278,7 @@ tsuya_status tsuya_energy_tables_create(tsuya_albedo_table **albedo, tsuya_albed
     copy_to_twins(*albedo, &q);
     if (model->unbounded && highest > ceiling) {
         TSUYA_GOTO_DONE(status, make_limit(*albedo, limit, &q));
+        tsuya_limit_find_level(*limit);
     }
     tsuya_albedo_table_fill_mean(*albedo);
 done:

@@ -6,7 +6,7 @@
 
 #include <string.h>
 
-enum { GUIDE_SAMPLES = 4000, FLAT_NU = 16, FLAT_NV = 30, DEEP_NU = 8, DEEP_NV = 18, DEEP_ND = 6 };
+enum { GUIDE_SAMPLES = 4000, FLAT_NU = 16, FLAT_NV = 30, DEEP_NU = 8, DEEP_NV = 15, DEEP_ND = 6 };
 
 static void scale_strengths(tsuya_sheen *s, double factor)
 {

@@ -325,6 +325,9 @@ void tsuya_material_eval_batch(const tsuya_material *m, const double *dye, const
     if (m->limit) {
         tsuya_limit_batch(m->limit, m->channel_count, batch, value);
     }
+    if (m->model->clears && !any_dye(dye, m->channel_count)) {
+        return;
+    }
     if (m->coupling == TSUYA_DYE_UNDER_SURFACE) {
         tsuya_dye_add_batch(m->albedo, dye, batch, value);
     }

@@ -11,7 +11,8 @@ typedef struct tsuya_brdf_model {
     const char *name;
     /* `channels` values, sr⁻¹ */
     void (*eval)(const void *state, int channels, tsuya_vec3 wi, tsuya_vec3 wo, double *value);
-    /* As eval, in float; value[c * count + k]; directions under the surface may give anything (the material clears them). */
+    /* As eval, in float; value[c * count + k]; directions under the surface may give anything (the material clears them)
+     * unless the model `clears`. */
     void (*eval_batch)(const void *state, int channels, const tsuya_direction_batch *batch, float *value);
     double (*pdf)(const void *state, tsuya_vec3 wi, tsuya_vec3 wo);
     /* false when the draw ended under the surface */
@@ -29,6 +30,7 @@ typedef struct tsuya_brdf_model {
     void (*free_state)(void *state); /* NULL where the model has no state */
     size_t (*bytes)(const void *state);
     bool mirrored;  /* f stays when x of both directions changes its sign, and when y does */
+    bool clears;    /* eval_batch leaves 0 where a direction is not finite or not above the surface: the material need not */
     bool unbounded; /* may reflect more than it receives: the material holds it at 1 (brdf/dye.h) */
 } tsuya_brdf_model;
 

@@ -25,7 +25,7 @@
 
 #include "brdf/model.h"
 
-enum { TSUYA_SHEEN_CURVES = 4, TSUYA_SHEEN_TERMS = 8, TSUYA_SHEEN_RISE = 12 };
+enum { TSUYA_SHEEN_CURVES = 4, TSUYA_SHEEN_TERMS = 8, TSUYA_SHEEN_RISE = 12, TSUYA_SHEEN_NARROW = 6 };
 
 /* Curves, in this order. */
 enum { TSUYA_SHEEN_WARP_ALONG, TSUYA_SHEEN_WARP_ACROSS, TSUYA_SHEEN_WEFT_ALONG, TSUYA_SHEEN_WEFT_ACROSS };
@@ -49,7 +49,8 @@ typedef struct tsuya_sheen {
     int terms;
     double *factor[TSUYA_SHEEN_FACTORS]; /* of S, [term][control value] */
     int level_terms;                    /* of them, the first so many do not change with φh */
-    float fast_rise[TSUYA_SHEEN_RISE];  /* Fη(c)/Fη(0) − 1 as a polynomial of wi·h, from −1 at lowest_cosine to 1 at 1 */
+    float fast_rise[TSUYA_SHEEN_RISE];  /* Fη(c)/Fη(0) − 1 as a polynomial of wi·h, or of its square, from −1 at lowest_cosine to 1 at 1 */
+    bool narrow;                        /* the square's, which then needs TSUYA_SHEEN_NARROW terms */
     float *fast, *wide;                 /* for batches (brdf/sheen_tables.h) */
     struct tsuya_half_table *half;      /* for sampling */
 } tsuya_sheen;
@@ -91,6 +92,7 @@ void tsuya_sheen_eval(const void *sheen, int channels, tsuya_vec3 wi, tsuya_vec3
 /* S without the yarns, per channel. */
 void tsuya_sheen_surface(double *log_value, const tsuya_sheen *sheen, const tsuya_half_angles *angles);
 /* Cost: five arcus tangents, 16 table reads and 12 a term, two exponentials a direction and one a channel. */
+/* 0 where a direction is not finite or not above the surface. */
 void tsuya_sheen_eval_batch(const void *sheen, int channels, const tsuya_direction_batch *batch, float *value);
 
 /* The net as a sum of products, by least squares; the weights (nv + 3 of θh, one a layer of θd; NULL: 1) say where it matters.  The

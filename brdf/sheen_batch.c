@@ -14,7 +14,7 @@ typedef float pairs __attribute__((vector_size(8 * sizeof(float)), aligned(4)));
 typedef struct block {
     float t[BLOCK], b[BLOCK], u[BLOCK], v[BLOCK], d[BLOCK]; /* places: ψt, ψb, φh, θh, θd in intervals; then fractions of one */
     int iu[BLOCK], iv[BLOCK], id[BLOCK];                    /* and which */
-    float warp[BLOCK], weft[BLOCK], falloff[BLOCK];         /* warp, weft: logarithms first */
+    float warp[BLOCK], weft[BLOCK], falloff[BLOCK];         /* warp, weft: logarithms first; falloff: 0 where nothing is seen */
     float gloss[BLOCK];                                     /* what Fresnel's term adds, the same in every channel */
 } block;
 
@@ -49,7 +49,8 @@ block_yarn_angles(block *restrict b, const tsuya_sheen *s, const tsuya_direction
         float psi_t = angle_from(smaller(tx, z) * (all * z * top_b), tx > z);
         float psi_b = angle_from(smaller(ty, z) * (all * z * top_t), ty > z);
         float dx = ix[k] - ox[k], dy = iy[k] - oy[k], dt2 = 0.25f * dx * dx, db2 = 0.25f * dy * dy;
-        b->falloff[k] = 0.5f * (all * top_t * top_b);
+        bool seen = (iz[k] > 0.0f) & (oz[k] > 0.0f) & (fabsf(x + y + (iz[k] + oz[k])) < INFINITY);
+        b->falloff[k] = seen ? 0.5f * (all * top_t * top_b) : 0.0f;
         b->t[k] = ((x < 0.0f ? -psi_t : psi_t) + half_pi) * per_span;
         b->b[k] = ((y < 0.0f ? -psi_b : psi_b) + half_pi) * per_span;
         b->warp[k] = k00 * smaller(db2, r00) + k01 * smaller(dt2, r01);
@@ -117,9 +118,23 @@ block_gloss(block *restrict b, const tsuya_sheen *s, const tsuya_direction_batch
 {
     const float *restrict ix = d->wi_x + from, *restrict iy = d->wi_y + from, *restrict iz = d->wi_z + from;
     const float *restrict ox = d->wo_x + from, *restrict oy = d->wo_y + from, *restrict oz = d->wo_z + from;
-    const float lowest = (float)s->lowest_cosine, per = (float)(2.0 / (1.0 - s->lowest_cosine)), warp = (float)s->gloss[0], weft = (float)s->gloss[1];
+    const double low = s->narrow ? s->lowest_cosine * s->lowest_cosine : s->lowest_cosine;
+    const float lowest = (float)low, per = (float)(2.0 / (1.0 - low)), warp = (float)s->gloss[0], weft = (float)s->gloss[1];
     float a[TSUYA_SHEEN_RISE];
     memcpy(a, s->fast_rise, sizeof a);
+    if (s->narrow) {
+#pragma omp simd
+        for (int k = 0; k < count; ++k) {
+            float x = ix[k] + ox[k], y = iy[k] + oy[k], z = iz[k] + oz[k], c = larger(0.25f * (x * x + y * y + z * z), lowest);
+            float t = (c - lowest) * per - 1.0f, rise = a[TSUYA_SHEEN_NARROW - 1];
+#pragma GCC unroll 8
+            for (int i = TSUYA_SHEEN_NARROW - 2; i >= 0; --i) {
+                rise = rise * t + a[i];
+            }
+            b->gloss[k] = (warp * b->warp[k] + weft * b->weft[k]) * rise;
+        }
+        return;
+    }
 #pragma omp simd
     for (int k = 0; k < count; ++k) {
         float x = ix[k] + ox[k], y = iy[k] + oy[k], z = iz[k] + oz[k], c = larger(0.5f * sqrtf(x * x + y * y + z * z), lowest);
@@ -189,7 +204,8 @@ block_values(float *restrict value, const block *b, const float *restrict log_va
 {
 #pragma omp simd
     for (int k = 0; k < count; ++k) {
-        value[k] = (warp * b->warp[k] + weft * b->weft[k] + matte + b->gloss[k]) * b->falloff[k] * exponential(log_value[k]);
+        float f = (warp * b->warp[k] + weft * b->weft[k] + matte + b->gloss[k]) * b->falloff[k] * exponential(log_value[k]);
+        value[k] = b->falloff[k] > 0.0f ? f : 0.0f; /* what was not finite is not now */
     }
 }
 
@@ -199,7 +215,8 @@ block_values_alone(float *restrict value, const block *b, float warp, float weft
 {
 #pragma omp simd
     for (int k = 0; k < count; ++k) {
-        value[k] = (warp * b->warp[k] + weft * b->weft[k] + matte + b->gloss[k]) * b->falloff[k];
+        float f = (warp * b->warp[k] + weft * b->weft[k] + matte + b->gloss[k]) * b->falloff[k];
+        value[k] = b->falloff[k] > 0.0f ? f : 0.0f;
     }
 }
 

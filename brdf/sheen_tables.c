@@ -41,22 +41,100 @@ static void fill_rows(const tsuya_sheen *s)
     }
 }
 
+static double largest(const double *a, int count)
+{
+    double most = a[0];
+    for (int k = 1; k < count; ++k) {
+        most = fmax(most, a[k]);
+    }
+    return most;
+}
+
+static double largest_size(const double *a, int count)
+{
+    double most = 0.0;
+    for (int k = 0; k < count; ++k) {
+        most = fmax(most, fabs(a[k]));
+    }
+    return most;
+}
+
+/* A bound of every logarithm to base 2 of which the wide kernel takes powers: it has none for what no float can hold. */
+static double highest_power(const tsuya_sheen *s)
+{
+    double most = 0.0, surface = 0.0;
+    for (int y = 0; y < 2; ++y) {
+        double yarn = largest(s->curve[2 * y], s->spans + 3) + largest(s->curve[2 * y + 1], s->spans + 3);
+        most = fmax(most, yarn + fmax(s->slant[y][0], 0.0) + fmax(s->slant[y][1], 0.0));
+    }
+    for (int r = 0; r < s->terms; ++r) {
+        double product = 1.0;
+        for (int factor = 0; factor < TSUYA_SHEEN_FACTORS; ++factor) {
+            int n = tsuya_sheen_factor_size(s, factor);
+            product *= largest_size(s->factor[factor] + r * n, n);
+        }
+        surface += product;
+    }
+    return log2_e * fmax(most, surface);
+}
+
 static bool fits(const tsuya_sheen *s)
 {
-    return s->spans < TSUYA_WIDE_CURVE && s->nu <= TSUYA_WIDE_ROUND && s->nv < TSUYA_WIDE_TILT && s->nd < TSUYA_WIDE_DEEP;
+    return s->spans < TSUYA_WIDE_CURVE && s->nu <= TSUYA_WIDE_ROUND && s->nv < TSUYA_WIDE_TILT && s->nd < TSUYA_WIDE_DEEP && highest_power(s) < 120.0;
 }
 
 static size_t wide_floats(const tsuya_sheen *s) { return tsuya_wide_channel(s, s->channels); }
 
-/* The cubics of a curve's intervals, coefficient after coefficient; `functions` control values, after the last one comes the first. */
-static void fill_cubics(float *to, int entries, const double *control, int functions, int intervals, double factor)
+/* π/4 and the first two derivatives of atan at q = 1. */
+const double tsuya_bent[TSUYA_BENT] = {1.0, -0.313883035136164, 0.126659642163397, -0.0273784436297845};
+
+/* The angle, in [0, 90°], that is bent to this one. */
+static double straightened(double bent)
 {
-    for (int k = 0; k <= intervals && k < entries; ++k) {
+    double p = fmin(bent, 0.5 * M_PI - bent), q = tan(p);
+    for (int turn = 0; turn < 6; ++turn) {
+        double z = q * q, value = q * (tsuya_bent[0] + z * (tsuya_bent[1] + z * (tsuya_bent[2] + z * tsuya_bent[3])));
+        q -= (value - p) / (tsuya_bent[0] + z * (3.0 * tsuya_bent[1] + z * (5.0 * tsuya_bent[2] + z * 7.0 * tsuya_bent[3])));
+    }
+    return bent > 0.25 * M_PI ? 0.5 * M_PI - atan(q) : atan(q);
+}
+
+static double value_at(const double *control, double x, double low, int intervals)
+{
+    double w[4];
+    const double *p = control + tsuya_uniform_weights(w, x, low, 0.5 * M_PI, intervals, false);
+    return p[0] * w[0] + p[1] * w[1] + p[2] * w[2] + p[3] * w[3];
+}
+
+/* A curve over an angle in [low, 90°], low 0 or −90°, as cubics over the bent angle, coefficient after coefficient; each goes through four
+ * values, its ends among them. */
+static void fill_bent(float *to, int entries, const double *control, double low, int intervals, double factor)
+{
+    int count = tsuya_wide_intervals(intervals, entries);
+    for (int k = 0; k <= count; ++k) {
+        static const double at[4] = {0.0, 0.25, 0.75, 1.0};
+        double y[4];
+        for (int i = 0; i < 4; ++i) {
+            double bent = low + (0.5 * M_PI - low) * fmin((k + at[i]) / count, 1.0);
+            y[i] = factor * value_at(control, copysign(straightened(fabs(bent)), bent), low, intervals) - (i > 0 ? y[0] : 0.0);
+        }
+        double a = 8.0 * y[1] - 8.0 / 3.0 * y[2] + y[3], b = (64.0 * y[1] - y[3] - 15.0 * a) / 3.0;
+        to[k] = (float)y[0];
+        to[entries + k] = (float)a;
+        to[2 * entries + k] = (float)b;
+        to[3 * entries + k] = (float)(y[3] - a - b);
+    }
+}
+
+/* The cubics of a periodic curve's intervals. */
+static void fill_round(float *to, int entries, const double *control, int functions)
+{
+    for (int k = 0; k <= functions && k < entries; ++k) {
         double p[4];
         for (int i = 0; i < 4; ++i) {
-            p[i] = factor * control[(k + i) % functions];
+            p[i] = control[(k + i) % functions];
         }
-        bool end = k == intervals; /* where the place is on the last knot itself */
+        bool end = k == functions; /* where the place is on the last knot itself */
         to[k] = (float)((p[0] + 4.0 * p[1] + p[2]) / 6.0);
         to[entries + k] = end ? 0.0f : (float)(0.5 * (p[2] - p[0]));
         to[2 * entries + k] = end ? 0.0f : (float)(0.5 * (p[0] + p[2]) - p[1]);
@@ -78,16 +156,16 @@ static bool is_level(const tsuya_sheen *s, int term)
 static void fill_wide(const tsuya_sheen *s)
 {
     for (int curve = 0; curve < TSUYA_SHEEN_CURVES; ++curve) {
-        fill_cubics(s->wide + 4 * curve * TSUYA_WIDE_CURVE, TSUYA_WIDE_CURVE, s->curve[curve], s->spans + 3, s->spans, log2_e);
+        fill_bent(s->wide + 4 * curve * TSUYA_WIDE_CURVE, TSUYA_WIDE_CURVE, s->curve[curve], -0.5 * M_PI, s->spans, log2_e);
     }
     for (int r = 0; r < s->terms; ++r) {
         float *round = s->wide + tsuya_wide_term(r), *tilt = round + 4 * TSUYA_WIDE_ROUND, *deep = tilt + 4 * TSUYA_WIDE_TILT;
         const double *over_d = s->factor[TSUYA_SHEEN_DEEP] + r * tsuya_sheen_layers(s);
         double factor = (s->nd > 0 ? 1.0 : over_d[0]) * (r < s->level_terms ? s->factor[TSUYA_SHEEN_ROUND][r * s->nu] : 1.0);
-        fill_cubics(round, TSUYA_WIDE_ROUND, s->factor[TSUYA_SHEEN_ROUND] + r * s->nu, s->nu, s->nu, 1.0);
-        fill_cubics(tilt, TSUYA_WIDE_TILT, s->factor[TSUYA_SHEEN_TILT] + r * (s->nv + 3), s->nv + 3, s->nv, factor);
+        fill_round(round, TSUYA_WIDE_ROUND, s->factor[TSUYA_SHEEN_ROUND] + r * s->nu, s->nu);
+        fill_bent(tilt, tsuya_wide_tilt(s), s->factor[TSUYA_SHEEN_TILT] + r * (s->nv + 3), 0.0, s->nv, factor);
         if (s->nd > 0) {
-            fill_cubics(deep, TSUYA_WIDE_DEEP, over_d, s->nd + 3, s->nd, 1.0);
+            fill_bent(deep, TSUYA_WIDE_DEEP, over_d, 0.0, s->nd, 1.0);
         }
     }
     for (int c = 0; c < s->channels; ++c) {

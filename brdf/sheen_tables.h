@@ -16,6 +16,17 @@ tsuya_sheen_rows tsuya_sheen_rows_of(const tsuya_sheen *sheen);
 enum { TSUYA_WIDE_LANES = 16, TSUYA_WIDE_CURVE = 48, TSUYA_WIDE_ROUND = 16, TSUYA_WIDE_TILT = 32, TSUYA_WIDE_DEEP = 16 };
 enum { TSUYA_WIDE_TERM = 4 * (TSUYA_WIDE_ROUND + TSUYA_WIDE_TILT + TSUYA_WIDE_DEEP) };
 enum { TSUYA_WIDE_WARP = TSUYA_SHEEN_TERMS, TSUYA_WIDE_WEFT, TSUYA_WIDE_MATTE }; /* of a channel's row, behind the tints */
+/* Intervals of a table: as many times those of its curve as have room. */
+static inline int tsuya_wide_intervals(int intervals, int entries) { return (entries - 1) / intervals * intervals; }
+/* Entries of the tables over θh: half of the room where that is enough, for it is one register instead of two. */
+static inline int tsuya_wide_tilt(const tsuya_sheen *s) { return s->nv > 7 && s->nv < TSUYA_WIDE_TILT / 2 ? TSUYA_WIDE_TILT / 2 : TSUYA_WIDE_TILT; }
+
+/* Tables over ψ, θh and θd lie over the bent angle q (1 + a q² + b q⁴ + c q⁶), q the tangent to 45° and of the rest of a right angle beyond.  It is
+ * within 0.00089 of atan q, with the same slope at 0 and the same first two derivatives at 45°: a cubic over it is as good as one over the
+ * angle, for half the operations. */
+enum { TSUYA_BENT = 4 };
+extern const double tsuya_bent[TSUYA_BENT];
+
 static inline size_t tsuya_wide_term(int term) { return (size_t)(4 * TSUYA_SHEEN_CURVES * TSUYA_WIDE_CURVE + term * TSUYA_WIDE_TERM); }
 static inline size_t tsuya_wide_channel(const tsuya_sheen *s, int channel) { return tsuya_wide_term(s->terms) + (size_t)(channel * TSUYA_WIDE_LANES); }
 

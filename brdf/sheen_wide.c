@@ -22,24 +22,17 @@ typedef struct place {
 
 INLINE lanes all(float x) { return _mm512_set1_ps(x); }
 
-/* 1/x and 1/√x: the processor's 14 digits and one step of Newton's. */
-INLINE lanes inverse(lanes x)
-{
-    lanes r = _mm512_rcp14_ps(x);
-    return r + r * (all(1.0f) - x * r);
-}
-
+/* 1/√x: the processor's 14 digits and one step of Newton's. */
 INLINE lanes inverse_root(lanes x)
 {
     lanes r = _mm512_rsqrt14_ps(x);
     return r + r * (all(0.5f) - all(0.5f) * x * r * r);
 }
 
-/* atan of [0, 1] by Chebyshev's alternation, to 2.5e-7; and to 1.7e-6, for what only smooth curves are looked up with.  In intervals of a
- * curve: the coefficients are multiplied by their number. */
-enum { FINE = 7, ROUGH = 6 };
-static const double fine_atan[FINE] = {9.999961115e-1, -3.331736805e-1, 1.980781556e-1, -1.323334210e-1, 7.962367237e-2, -3.360422057e-2, 6.811793291e-3};
-static const double rough_atan[ROUGH] = {9.999772191e-1, -3.326228279e-1, 1.935403761e-1, -1.164264820e-1, 5.264735147e-2, -1.171913573e-2};
+/* atan of [0, 1] by Chebyshev's alternation, to 1.7e-6: for the azimuth.  The other angles are the bent ones that their curves are tabulated
+ * over (brdf/sheen_tables.h).  Both in intervals of a curve: the coefficients are multiplied by their number. */
+enum { ATAN = 6 };
+static const double atan_odd[ATAN] = {9.999772191e-1, -3.326228279e-1, 1.935403761e-1, -1.164264820e-1, 5.264735147e-2, -1.171913573e-2};
 
 INLINE lanes odd_polynomial(lanes t, const float *a, int count)
 {
@@ -50,10 +43,9 @@ INLINE lanes odd_polynomial(lanes t, const float *a, int count)
     return t * p;
 }
 
-/* 2^x, of x to 115: Taylor's polynomial, its last powers by Chebyshev's in those before them; 4e-6. */
+/* 2^x: Taylor's polynomial, its last powers by Chebyshev's in those before them; 4e-6.  Tables are made only where no x is too large. */
 INLINE lanes power_of_two(lanes x)
 {
-    x = _mm512_min_ps(x, all(115.0f));
     lanes n = _mm512_roundscale_ps(x, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC), r = x - n;
     lanes p = all(9.6758923e-3f) * r + all(5.5920783e-2f);
     p = p * r + all(2.4022109e-1f);
@@ -84,12 +76,13 @@ INLINE curve_16 load_16(const float *table)
     return (curve_16){{_mm512_load_ps(table), _mm512_load_ps(table + 16), _mm512_load_ps(table + 32), _mm512_load_ps(table + 48)}};
 }
 
-INLINE curve_32 load_32(const float *table)
+/* `entries` from one coefficient's table to the next. */
+INLINE curve_32 load_32(const float *table, int entries)
 {
     curve_32 c;
     for (int k = 0; k < 4; ++k) {
-        c.low[k] = _mm512_load_ps(table + 32 * k);
-        c.high[k] = _mm512_load_ps(table + 32 * k + 16);
+        c.low[k] = _mm512_load_ps(table + entries * k);
+        c.high[k] = _mm512_load_ps(table + entries * k + 16);
     }
     return c;
 }
@@ -125,8 +118,9 @@ enum { STEPS = 8 };
 typedef struct block {
     place t[STEPS], b[STEPS], u[STEPS], v[STEPS], d[STEPS];
     lanes warp[STEPS], weft[STEPS], falloff[STEPS]; /* warp, weft: logarithms first */
-    lanes gloss[STEPS];                             /* what Fresnel's term adds, the same in every channel; its rise first */
-    lanes term[TSUYA_SHEEN_TERMS][STEPS];
+    lanes gloss[STEPS];                             /* what Fresnel's term adds, the same in every channel; 4 (wi·h)² first */
+    lanes term[TSUYA_SHEEN_TERMS][STEPS];           /* those that are not there stay 0 */
+    __mmask16 here[STEPS], seen[STEPS];             /* lanes that there are, and those with both directions finite and above the surface */
 } block;
 
 /* What sixteen directions are to the cloth. */
@@ -134,16 +128,16 @@ typedef struct half {
     lanes x, y, z, tx, ty;
 } half;
 
-/* atan and a quarter of a turn, in intervals. */
+/* An arc's odd polynomial, and a quarter of a turn, in intervals. */
 typedef struct angle_scale {
-    float atan[FINE], quarter;
+    float odd[ATAN], quarter;
 } angle_scale;
 
-static angle_scale scale_of(const double *atan, int count, double per_rad)
+static angle_scale scale_of(const double *odd, int count, double per_rad)
 {
     angle_scale s = {.quarter = (float)(0.5 * M_PI * per_rad)};
     for (int k = 0; k < count; ++k) {
-        s.atan[k] = (float)(atan[k] * per_rad);
+        s.odd[k] = (float)(odd[k] * per_rad);
     }
     return s;
 }
@@ -151,7 +145,7 @@ static angle_scale scale_of(const double *atan, int count, double per_rad)
 /* ψ of one component. */
 INLINE lanes inclination(lanes component, lanes size, lanes z, const angle_scale *s)
 {
-    lanes p = odd_polynomial(_mm512_min_ps(size, z) * inverse(_mm512_max_ps(size, z)), s->atan, FINE), quarter = all(s->quarter);
+    lanes p = odd_polynomial(_mm512_min_ps(size, z) / _mm512_max_ps(size, z), s->odd, TSUYA_BENT), quarter = all(s->quarter);
     p = _mm512_mask_sub_ps(p, _mm512_cmp_ps_mask(size, z, _CMP_GT_OQ), quarter, p);
     return quarter + _mm512_or_ps(p, _mm512_and_ps(component, all(-0.0f)));
 }
@@ -159,7 +153,7 @@ INLINE lanes inclination(lanes component, lanes size, lanes z, const angle_scale
 INLINE lanes azimuth(const half *h, const angle_scale *s)
 {
     lanes wide = _mm512_max_ps(_mm512_max_ps(h->tx, h->ty), all(1e-18f));
-    lanes p = odd_polynomial(_mm512_min_ps(h->tx, h->ty) * inverse(wide), s->atan, ROUGH);
+    lanes p = odd_polynomial(_mm512_min_ps(h->tx, h->ty) / wide, s->odd, ATAN);
     p = _mm512_mask_sub_ps(p, _mm512_cmp_ps_mask(h->ty, h->tx, _CMP_GT_OQ), all(s->quarter), p);
     p = _mm512_mask_sub_ps(p, _mm512_movepi32_mask(_mm512_castps_si512(h->x)), all(2.0f * s->quarter), p);
     return _mm512_mask_sub_ps(p, _mm512_movepi32_mask(_mm512_castps_si512(h->y)), all(4.0f * s->quarter), p);
@@ -169,7 +163,7 @@ INLINE lanes azimuth(const half *h, const angle_scale *s)
 INLINE lanes angle_of_squares(lanes across2, lanes along2, const angle_scale *s)
 {
     lanes small = _mm512_min_ps(across2, along2), large = _mm512_max_ps(across2, along2);
-    lanes p = odd_polynomial(small * inverse_root(_mm512_max_ps(small * large, all(1e-37f))), s->atan, ROUGH);
+    lanes p = odd_polynomial(_mm512_sqrt_ps(small / _mm512_max_ps(large, all(1e-30f))), s->odd, TSUYA_BENT);
     return _mm512_mask_sub_ps(p, _mm512_cmp_ps_mask(across2, along2, _CMP_GT_OQ), all(s->quarter), p);
 }
 
@@ -177,28 +171,40 @@ INLINE lanes angle_of_squares(lanes across2, lanes along2, const angle_scale *s)
 typedef struct cloth {
     const float *curves, *terms, *channels;
     int count, level; /* terms; and those that do not change with φ, which come first */
-    bool deep, glossy;
-    float lowest_cosine, per_cosine, gloss[2], rise[TSUYA_SHEEN_RISE];
+    bool flat, deep, glossy, narrow, small, low; /* narrow: Fresnel's term by squares; small, low: curves of the yarns of up to 31
+                                                    * intervals, and over θh of up to 15 */
+    float lowest, per, gloss[2], rise[TSUYA_SHEEN_RISE];
     angle_scale psi, phi, theta, d;
     float slant[2][2], reach[2][2]; /* [yarn][of dy2, dx2] */
 } cloth;
 
+static void take_gloss(cloth *c, const tsuya_sheen *s)
+{
+    double low = s->lowest_cosine;
+    c->glossy = s->gloss[0] + s->gloss[1] > 0.0;
+    c->narrow = s->narrow;
+    c->lowest = (float)(s->narrow ? 4.0 * low * low : low);
+    c->per = (float)(s->narrow ? 0.5 / (1.0 - low * low) : 2.0 / (1.0 - low));
+    c->gloss[0] = (float)s->gloss[0];
+    c->gloss[1] = (float)s->gloss[1];
+    memcpy(c->rise, s->fast_rise, sizeof c->rise);
+}
+
 static cloth cloth_of(const tsuya_sheen *s)
 {
     cloth c = {.curves = s->wide, .terms = s->wide + tsuya_wide_term(0), .channels = s->wide + tsuya_wide_channel(s, 0)};
+    int spans = tsuya_wide_intervals(s->spans, TSUYA_WIDE_CURVE);
     c.count = s->terms;
     c.level = s->level_terms;
-    c.deep = s->nd > 0;
-    c.glossy = s->gloss[0] + s->gloss[1] > 0.0;
-    c.lowest_cosine = (float)s->lowest_cosine;
-    c.per_cosine = (float)(2.0 / (1.0 - s->lowest_cosine));
-    c.gloss[0] = (float)s->gloss[0];
-    c.gloss[1] = (float)s->gloss[1];
-    memcpy(c.rise, s->fast_rise, sizeof c.rise);
-    c.psi = scale_of(fine_atan, FINE, s->spans / M_PI);
-    c.phi = scale_of(rough_atan, ROUGH, s->nu / (2.0 * M_PI));
-    c.theta = scale_of(rough_atan, ROUGH, s->nv / (0.5 * M_PI));
-    c.d = scale_of(rough_atan, ROUGH, s->nd / (0.5 * M_PI));
+    c.flat = s->terms > 0;
+    c.deep = s->nd > 0 && c.flat;
+    c.small = spans < 32;
+    c.low = tsuya_wide_tilt(s) < TSUYA_WIDE_TILT;
+    take_gloss(&c, s);
+    c.psi = scale_of(tsuya_bent, TSUYA_BENT, spans / M_PI);
+    c.phi = scale_of(atan_odd, ATAN, s->nu / (2.0 * M_PI));
+    c.theta = scale_of(tsuya_bent, TSUYA_BENT, c.flat ? tsuya_wide_intervals(s->nv, tsuya_wide_tilt(s)) / (0.5 * M_PI) : 0.0);
+    c.d = scale_of(tsuya_bent, TSUYA_BENT, c.deep ? tsuya_wide_intervals(s->nd, TSUYA_WIDE_DEEP) / (0.5 * M_PI) : 0.0);
     for (int yarn = 0; yarn < 2; ++yarn) {
         for (int k = 0; k < 2; ++k) {
             double slant = s->slant[yarn][yarn == 0 ? k : 1 - k];
@@ -214,29 +220,11 @@ INLINE lanes slanted(const cloth *c, int yarn, lanes dx2, lanes dy2)
     return all(c->slant[yarn][0]) * _mm512_min_ps(dy2, all(c->reach[yarn][0])) + all(c->slant[yarn][1]) * _mm512_min_ps(dx2, all(c->reach[yarn][1]));
 }
 
-/* Fresnel's term less 1, from 4 (wi·h)². */
-INLINE lanes rise_of(const cloth *c, lanes sum2)
-{
-    lanes cosine = all(0.5f) * sum2 * inverse_root(_mm512_max_ps(sum2, all(1e-18f)));
-    lanes t = (_mm512_max_ps(cosine, all(c->lowest_cosine)) - all(c->lowest_cosine)) * all(c->per_cosine) - all(1.0f), p = all(c->rise[TSUYA_SHEEN_RISE - 1]);
-    for (int k = TSUYA_SHEEN_RISE - 2; k >= 0; --k) {
-        p = p * t + all(c->rise[k]);
-    }
-    return p;
-}
-
-/* Lanes of step `step` behind `from` that there are. */
-INLINE __mmask16 lanes_at(int count, int from, int step)
-{
-    int left = count - from - step * TSUYA_WIDE_LANES;
-    return left < TSUYA_WIDE_LANES ? (__mmask16)((1u << left) - 1u) : (__mmask16)0xffff;
-}
-
-INLINE void find_places(block *b, const cloth *c, const tsuya_direction_batch *d, int from, int steps, bool flat, bool deep, bool glossy)
+INLINE void find_places(block *b, const cloth *c, const tsuya_direction_batch *d, int from, int steps, bool flat, bool deep)
 {
     for (int k = 0; k < steps; ++k) {
-        int at = from + k * TSUYA_WIDE_LANES;
-        __mmask16 here = lanes_at(d->count, from, k);
+        int at = from + k * TSUYA_WIDE_LANES, left = d->count - at;
+        __mmask16 here = (__mmask16)(left < TSUYA_WIDE_LANES ? (1u << left) - 1u : 0xffffu);
         lanes ix = _mm512_maskz_loadu_ps(here, d->wi_x + at), iy = _mm512_maskz_loadu_ps(here, d->wi_y + at);
         lanes iz = _mm512_maskz_loadu_ps(here, d->wi_z + at), ox = _mm512_maskz_loadu_ps(here, d->wo_x + at);
         lanes oy = _mm512_maskz_loadu_ps(here, d->wo_y + at), oz = _mm512_maskz_loadu_ps(here, d->wo_z + at);
@@ -244,16 +232,18 @@ INLINE void find_places(block *b, const cloth *c, const tsuya_direction_batch *d
         half h = {.x = ix + ox, .y = iy + oy, .z = _mm512_max_ps(iz + oz, all(1e-9f))};
         h.tx = _mm512_abs_ps(h.x);
         h.ty = _mm512_abs_ps(h.y);
-        b->falloff[k] = inverse(h.z) * all(0.5f);
+        b->here[k] = here;
+        b->seen[k] = _mm512_cmp_ps_mask(_mm512_min_ps(iz, oz), all(0.0f), _CMP_GT_OQ) & _mm512_cmp_ps_mask(h.tx + h.ty + (iz + oz), all(INFINITY), _CMP_LT_OQ);
+        b->falloff[k] = all(0.5f) / h.z;
         b->warp[k] = slanted(c, 0, dx2, dy2);
         b->weft[k] = slanted(c, 1, dx2, dy2);
         b->t[k] = place_of(inclination(h.x, h.tx, h.z, &c->psi));
         b->b[k] = place_of(inclination(h.y, h.ty, h.z, &c->psi));
         lanes across2 = h.x * h.x + h.y * h.y, z2 = h.z * h.z;
-        if (glossy) {
-            b->gloss[k] = rise_of(c, across2 + z2);
+        if (c->glossy) {
+            b->gloss[k] = across2 + z2;
         }
-        if (flat || deep) {
+        if (flat) {
             b->u[k] = place_of(azimuth(&h, &c->phi));
             b->v[k] = place_of(angle_of_squares(across2, z2, &c->theta));
         }
@@ -264,8 +254,17 @@ INLINE void find_places(block *b, const cloth *c, const tsuya_direction_batch *d
 }
 
 /* Adds the two curves over one inclination, one of each yarn. */
-INLINE void add_curves(lanes *warp, lanes *weft, const place *places, const float *of_warp, const float *of_weft, int steps)
+INLINE void add_curves(lanes *warp, lanes *weft, const place *places, const float *of_warp, const float *of_weft, int steps, bool small)
 {
+    if (small) {
+        const curve_32 a = load_32(of_warp, TSUYA_WIDE_CURVE), c = load_32(of_weft, TSUYA_WIDE_CURVE);
+        for (int k = 0; k < steps; ++k) {
+            const place p = places[k];
+            warp[k] += value_32(&a, &p);
+            weft[k] += value_32(&c, &p);
+        }
+        return;
+    }
     for (int k = 0; k < steps; ++k) {
         const place p = places[k];
         __mmask16 last = _mm512_test_epi32_mask(p.at, _mm512_set1_epi32(32));
@@ -274,27 +273,50 @@ INLINE void add_curves(lanes *warp, lanes *weft, const place *places, const floa
     }
 }
 
-INLINE void weave_yarns(block *b, const cloth *c, int steps, bool glossy)
+INLINE void weave_yarns(block *b, const cloth *c, int steps)
 {
     const int size = 4 * TSUYA_WIDE_CURVE;
-    add_curves(b->warp, b->weft, b->b, c->curves + TSUYA_SHEEN_WARP_ALONG * size, c->curves + TSUYA_SHEEN_WEFT_ACROSS * size, steps);
-    add_curves(b->warp, b->weft, b->t, c->curves + TSUYA_SHEEN_WARP_ACROSS * size, c->curves + TSUYA_SHEEN_WEFT_ALONG * size, steps);
+    add_curves(b->warp, b->weft, b->b, c->curves + TSUYA_SHEEN_WARP_ALONG * size, c->curves + TSUYA_SHEEN_WEFT_ACROSS * size, steps, c->small);
+    add_curves(b->warp, b->weft, b->t, c->curves + TSUYA_SHEEN_WARP_ACROSS * size, c->curves + TSUYA_SHEEN_WEFT_ALONG * size, steps, c->small);
     for (int k = 0; k < steps; ++k) {
-        b->warp[k] = power_of_two(b->warp[k]) * b->falloff[k];
-        b->weft[k] = power_of_two(b->weft[k]) * b->falloff[k];
-        if (glossy) {
-            b->gloss[k] *= all(c->gloss[0]) * b->warp[k] + all(c->gloss[1]) * b->weft[k];
-        }
+        b->warp[k] = power_of_two(b->warp[k]);
+        b->weft[k] = power_of_two(b->weft[k]);
     }
 }
 
-INLINE void multiply_term(lanes *term, const block *b, const float *table, int steps, bool level, bool deep)
+INLINE lanes polynomial(lanes t, const float *a, int count)
+{
+    lanes p = all(a[count - 1]);
+    for (int k = count - 2; k >= 0; --k) {
+        p = p * t + all(a[k]);
+    }
+    return p;
+}
+
+/* What Fresnel's term adds to the yarns. */
+INLINE void shine(block *b, const cloth *c, int steps)
+{
+    const lanes lowest = all(c->lowest), per = all(c->per), one = all(1.0f);
+    for (int k = 0; k < steps; ++k) {
+        lanes sum2 = b->gloss[k], rise;
+        if (c->narrow) {
+            rise = polynomial((_mm512_max_ps(sum2, lowest) - lowest) * per - one, c->rise, TSUYA_SHEEN_NARROW);
+        } else {
+            lanes cosine = all(0.5f) * sum2 * inverse_root(_mm512_max_ps(sum2, all(1e-18f)));
+            rise = polynomial((_mm512_max_ps(cosine, lowest) - lowest) * per - one, c->rise, TSUYA_SHEEN_RISE);
+        }
+        b->gloss[k] = (all(c->gloss[0]) * b->warp[k] + all(c->gloss[1]) * b->weft[k]) * rise;
+    }
+}
+
+INLINE void multiply_term(lanes *term, const block *b, const float *table, int steps, bool level, bool deep, bool low)
 {
     const curve_16 round = load_16(table), over_d = load_16(table + 4 * (TSUYA_WIDE_ROUND + TSUYA_WIDE_TILT));
-    const curve_32 tilt = load_32(table + 4 * TSUYA_WIDE_ROUND);
+    const curve_32 tilt = load_32(table + 4 * TSUYA_WIDE_ROUND, TSUYA_WIDE_TILT);
+    const curve_16 low_tilt = load_16(table + 4 * TSUYA_WIDE_ROUND);
     for (int k = 0; k < steps; ++k) {
         const place u = b->u[k], v = b->v[k], d = b->d[k];
-        lanes product = value_32(&tilt, &v);
+        lanes product = low ? value_16(&low_tilt, &v) : value_32(&tilt, &v);
         if (!level) {
             product *= value_16(&round, &u);
         }
@@ -305,43 +327,74 @@ INLINE void multiply_term(lanes *term, const block *b, const float *table, int s
     }
 }
 
-INLINE void multiply_terms(block *b, const cloth *c, int steps, bool deep)
+INLINE void multiply_terms(block *b, const cloth *c, int steps, bool deep, bool low)
 {
     for (int r = 0; r < c->level; ++r) {
-        multiply_term(b->term[r], b, c->terms + r * TSUYA_WIDE_TERM, steps, true, deep);
+        multiply_term(b->term[r], b, c->terms + r * TSUYA_WIDE_TERM, steps, true, deep, low);
     }
     for (int r = c->level; r < c->count; ++r) {
-        multiply_term(b->term[r], b, c->terms + r * TSUYA_WIDE_TERM, steps, false, deep);
+        multiply_term(b->term[r], b, c->terms + r * TSUYA_WIDE_TERM, steps, false, deep, low);
     }
 }
 
-INLINE void eval_all(float *value, const cloth *c, int channels, const tsuya_direction_batch *batch, bool flat, bool deep, bool glossy)
+/* Values of some channels, whose planes lie `plane` numbers apart, from so many terms. */
+INLINE void colour(float *value, size_t plane, const block *b, const float *row, int steps, int channels, int terms)
+{
+    for (int k = 0; k < steps; ++k) {
+        const lanes warp = b->warp[k], weft = b->weft[k], gloss = b->gloss[k], falloff = b->falloff[k];
+        for (int channel = 0; channel < channels; ++channel) {
+            const float *a = row + channel * TSUYA_WIDE_LANES;
+            lanes f = all(a[TSUYA_WIDE_WARP]) * warp + (all(a[TSUYA_WIDE_WEFT]) * weft + (all(a[TSUYA_WIDE_MATTE]) + gloss)), share = falloff;
+            if (terms > 0) {
+                lanes sum = all(a[0]) * b->term[0][k];
+                for (int r = 1; r < terms; ++r) {
+                    sum += all(a[r]) * b->term[r][k];
+                }
+                share *= power_of_two(sum);
+            }
+            _mm512_mask_storeu_ps(value + (size_t)channel * plane + k * TSUYA_WIDE_LANES, b->here[k], _mm512_maskz_mul_ps(b->seen[k], f, share));
+        }
+    }
+}
+
+INLINE void colour_some(float *value, size_t plane, const block *b, const float *row, int steps, int channels, int terms)
+{
+    switch (terms == 0 ? 0 : terms <= 4 ? 4 : terms <= 6 ? 6 : 8) {
+    case 0: colour(value, plane, b, row, steps, channels, 0); break;
+    case 4: colour(value, plane, b, row, steps, channels, 4); break;
+    case 6: colour(value, plane, b, row, steps, channels, 6); break;
+    default: colour(value, plane, b, row, steps, channels, TSUYA_SHEEN_TERMS); break;
+    }
+}
+
+INLINE void eval_all(float *value, const cloth *c, int channels, const tsuya_direction_batch *batch, bool flat, bool deep)
 {
     block b;
+    memset(b.gloss, 0, sizeof b.gloss);
+    memset(b.term, 0, sizeof b.term);
     for (int from = 0; from < batch->count; from += STEPS * TSUYA_WIDE_LANES) {
         int left = (batch->count - from + TSUYA_WIDE_LANES - 1) / TSUYA_WIDE_LANES, steps = left < STEPS ? left : STEPS;
-        find_places(&b, c, batch, from, steps, flat, deep, glossy);
-        weave_yarns(&b, c, steps, glossy);
-        if (flat || deep) {
-            multiply_terms(&b, c, steps, deep);
+        find_places(&b, c, batch, from, steps, flat, deep);
+        weave_yarns(&b, c, steps);
+        if (c->glossy) {
+            shine(&b, c, steps);
         }
-        for (int channel = 0; channel < channels; ++channel) {
+        if (flat && c->low) {
+            multiply_terms(&b, c, steps, deep, true);
+        } else if (flat) {
+            multiply_terms(&b, c, steps, deep, false);
+        }
+        size_t plane = (size_t)batch->count;
+        for (int channel = 0; channel < channels;) {
             const float *row = c->channels + channel * TSUYA_WIDE_LANES;
-            float *to = value + (size_t)channel * (size_t)batch->count + from;
-            for (int k = 0; k < steps; ++k) {
-                lanes f = all(row[TSUYA_WIDE_WARP]) * b.warp[k] + all(row[TSUYA_WIDE_WEFT]) * b.weft[k] + all(row[TSUYA_WIDE_MATTE]) * b.falloff[k];
-                if (glossy) {
-                    f += b.gloss[k];
-                }
-                if (flat || deep) {
-                    lanes sum = all(row[0]) * b.term[0][k];
-                    for (int r = 1; r < c->count; ++r) {
-                        sum += all(row[r]) * b.term[r][k];
-                    }
-                    f *= power_of_two(sum);
-                }
-                _mm512_mask_storeu_ps(to + k * TSUYA_WIDE_LANES, lanes_at(batch->count, from, k), f);
+            float *to = value + (size_t)channel * plane + from;
+            bool three = channels - channel >= 3;
+            if (three) {
+                colour_some(to, plane, &b, row, steps, 3, c->count);
+            } else {
+                colour_some(to, plane, &b, row, steps, 1, c->count);
             }
+            channel += three ? 3 : 1;
         }
     }
 }
@@ -350,13 +403,12 @@ void tsuya_sheen_eval_wide(const tsuya_sheen *s, int channels, const tsuya_direc
 {
     const cloth c = cloth_of(s);
     const tsuya_direction_batch own = *batch; /* which no store of a value can change */
-    switch ((c.count == 0 ? 0 : c.deep ? 2 : 1) + (c.glossy ? 3 : 0)) {
-    case 0: eval_all(value, &c, channels, &own, false, false, false); break;
-    case 1: eval_all(value, &c, channels, &own, true, false, false); break;
-    case 2: eval_all(value, &c, channels, &own, false, true, false); break;
-    case 3: eval_all(value, &c, channels, &own, false, false, true); break;
-    case 4: eval_all(value, &c, channels, &own, true, false, true); break;
-    default: eval_all(value, &c, channels, &own, false, true, true); break;
+    if (c.deep) {
+        eval_all(value, &c, channels, &own, true, true);
+    } else if (c.flat) {
+        eval_all(value, &c, channels, &own, true, false);
+    } else {
+        eval_all(value, &c, channels, &own, false, false);
     }
 }
 #pragma GCC pop_options

@@ -1,6 +1,6 @@
 /* The cloth's own model by itself: a net as a sum of products of curves, and floats like doubles on every processor, whichever this is. */
 #include "brdf/sheen.h"
-#include "brdf/material.h"
+#include "brdf/dye.h"
 #include "brdf/sheen_tables.h"
 #include "core/context.h"
 #include "core/memory.h"
@@ -18,6 +18,7 @@ typedef struct shape {
 static const shape shapes[] = {
     {36, 0, 0, 0, 0, 0},        {36, 0, 0, 0, 0.02, 0.0},   {36, 12, 20, 0, 0, 0},      {36, 12, 20, 0, 0.02, 0.3}, {36, 12, 20, 6, 0, 0},
     {36, 12, 20, 6, 0.02, 0.0}, {47, 16, 31, 15, 0.02, 0.7}, {48, 12, 20, 6, 0.02, 0.0}, {36, 17, 20, 0, 0.02, 0.0}, {36, 7, 1, 1, 0.02, 0.0},
+    {31, 8, 15, 6, 0.02, 0.5}, {45, 8, 15, 6, 0.02, 0.2},
 };
 
 /* Three products over φ, signed θ and θd that pass the pole smoothly; v is 0 at the pole's control value. */
@@ -150,6 +151,79 @@ static void test_floats_on_every_processor(void **state)
     }
 }
 
+/* Below the surface, on it, and not finite. */
+static void check_clears(kernel *eval, const tsuya_sheen *s)
+{
+    enum { COUNT = 20 };
+    static const float bad[5] = {-0.5f, 0.0f, NAN, INFINITY, -INFINITY};
+    float d[6][COUNT], value[3 * COUNT];
+    for (int k = 0; k < COUNT; ++k) {
+        for (int i = 0; i < 6; ++i) {
+            d[i][k] = i % 3 == 2 ? 0.8f : 0.6f * (float)(i % 3);
+        }
+        d[k < 10 ? 2 : 5][k] = k % 2 ? bad[k / 2 % 5] : d[2][k];
+        d[k < 10 ? 0 : 4][k] = k % 4 == 2 ? NAN : d[0][k];
+    }
+    const tsuya_direction_batch batch = {COUNT, d[0], d[1], d[2], d[3], d[4], d[5]};
+    eval(s, 3, &batch, value);
+    for (int k = 0; k < 3 * COUNT; ++k) {
+        assert_true(k % COUNT % 4 == 0 ? value[k] > 0.0f : value[k] == 0.0f);
+    }
+}
+
+static void test_unseen_directions(void **state)
+{
+    (void)state;
+    for (size_t n = 0; n < sizeof shapes / sizeof shapes[0]; ++n) {
+        tsuya_sheen *s = made(&shapes[n]);
+        assert_ok(tsuya_sheen_separate(s, NULL, NULL));
+        assert_ok(tsuya_sheen_prepare(s));
+        check_clears(tsuya_sheen_eval_rows, s);
+        if (s->wide) {
+            check_clears(tsuya_sheen_eval_wide, s);
+        }
+        tsuya_sheen_free(s);
+    }
+}
+
+/* Cloths that would reflect too much near the horizon, and everywhere: floats hold them as doubles do. */
+static void test_limited_batches(void **state)
+{
+    (void)state;
+    enum { COUNT = 2000 };
+    static float d[6][COUNT], value[3 * COUNT];
+    bool near_horizon = false, everywhere = false;
+    for (int turn = 0; turn < 3; ++turn) {
+        tsuya_sheen *s = made(&(shape){36, 0, 0, 0, 0, 0});
+        tsuya_material *m;
+        for (int k = 0; k < 3 * 3; ++k) {
+            (k < 3 ? s->strength[0] : k < 6 ? s->strength[1] : s->matte)[k % 3] *= (double[]){3.7, 4.4, 60.0}[turn];
+        }
+        assert_ok(tsuya_sheen_prepare(s));
+        assert_ok(tsuya_material_create(&m, &tsuya_brdf_yarn, s, "bright", 3, NULL));
+        near_horizon |= m->limit && m->limit->level_above < 0.5f;
+        everywhere |= m->limit && m->limit->level_above > 1.0f;
+        for (uint64_t k = 0; k < COUNT; ++k) {
+            tsuya_vec3 wi = random_direction(10, k), wo = random_direction(11, k);
+            const double all[6] = {wi.x, wi.y, wi.z, wo.x, wo.y, wo.z};
+            for (int i = 0; i < 6; ++i) {
+                d[i][k] = (float)all[i];
+            }
+        }
+        const tsuya_direction_batch batch = {COUNT, d[0], d[1], d[2], d[3], d[4], d[5]};
+        tsuya_material_eval_batch(m, NULL, &batch, value);
+        for (int k = 0; k < COUNT; ++k) {
+            double f[3];
+            tsuya_material_eval(m, NULL, (tsuya_vec3){d[0][k], d[1][k], d[2][k]}, (tsuya_vec3){d[3][k], d[4][k], d[5][k]}, f);
+            for (int c = 0; c < 3; ++c) {
+                assert_near((double)value[c * COUNT + k], f[c], 1e-4 * f[c]);
+            }
+        }
+        tsuya_material_free(m);
+    }
+    assert_true(near_horizon && everywhere);
+}
+
 /* The largest factors that a file may hold: large, but finite. */
 static void test_extreme_terms(void **state)
 {
@@ -214,6 +288,6 @@ static void test_nets_of_older_files(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_terms_of_a_net), cmocka_unit_test(test_floats_on_every_processor),
-                                       cmocka_unit_test(test_extreme_terms), cmocka_unit_test(test_nets_of_older_files)};
+                                       cmocka_unit_test(test_unseen_directions), cmocka_unit_test(test_limited_batches), cmocka_unit_test(test_extreme_terms), cmocka_unit_test(test_nets_of_older_files)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
