@@ -91,7 +91,6 @@ tsuya_status tsuya_sheen_create(tsuya_sheen **sheen, int channels, int spans, in
     TSUYA_NEW(status, s->strength[1], n);
     TSUYA_NEW(status, s->matte, n);
     s->line = (channels + 3) & ~3;
-    TSUYA_NEW(status, s->net, (size_t)tsuya_sheen_net_points(nu, nv, nd) * (size_t)s->line);
     for (int k = 0; k < TSUYA_SHEEN_FACTORS; ++k) {
         TSUYA_NEW(status, s->factor[k], (size_t)(TSUYA_SHEEN_TERMS * tsuya_sheen_factor_size(s, k)));
     }
@@ -101,6 +100,12 @@ tsuya_status tsuya_sheen_create(tsuya_sheen **sheen, int channels, int spans, in
 done:
     tsuya_sheen_free(s);
     return status;
+}
+
+tsuya_status tsuya_sheen_create_net(tsuya_sheen *s)
+{
+    s->net = tsuya_calloc((size_t)tsuya_sheen_net_points(s->nu, s->nv, s->nd) * (size_t)s->line, sizeof *s->net);
+    return s->net || s->nu == 0 ? TSUYA_OK : TSUYA_ERROR_MEMORY;
 }
 
 void tsuya_sheen_free(void *sheen)

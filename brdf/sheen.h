@@ -73,7 +73,10 @@ int tsuya_uniform_weights(double weight[4], double x, double low, double high, i
 /* Control values that S touches at these angles: weights and indices (without the channel), 16 or 64 of them. */
 int tsuya_sheen_stencil(int *index, double *weight, const tsuya_half_angles *angles, int nu, int nv, int nd);
 
+/* Everything but the net, as zeros; some kB, and 64 bytes a control value of S's factors. */
 TSUYA_MUST_CHECK tsuya_status tsuya_sheen_create(tsuya_sheen **sheen, int channels, int spans, int nu, int nv, int nd);
+/* A net of zeros, for S to be fitted or read. */
+TSUYA_MUST_CHECK tsuya_status tsuya_sheen_create_net(tsuya_sheen *sheen);
 void tsuya_sheen_free(void *sheen);
 static inline int tsuya_sheen_layers(const tsuya_sheen *s) { return s->nd > 0 ? s->nd + 3 : 1; }
 /* Control values of one term's curve. */
@@ -91,8 +94,8 @@ void tsuya_sheen_guide(double *value, const tsuya_sheen *sheen, const tsuya_half
 void tsuya_sheen_eval(const void *sheen, int channels, tsuya_vec3 wi, tsuya_vec3 wo, double *value);
 /* S without the yarns, per channel. */
 void tsuya_sheen_surface(double *log_value, const tsuya_sheen *sheen, const tsuya_half_angles *angles);
-/* Cost: five arcus tangents, 16 table reads and 12 a term, two exponentials a direction and one a channel. */
-/* 0 where a direction is not finite or not above the surface. */
+/* 0 where a direction is not finite or not above the surface.  Cost: two angles and four curves, with S two or three angles and as many
+ * curves a term more; two powers a direction and one a channel. */
 void tsuya_sheen_eval_batch(const void *sheen, int channels, const tsuya_direction_batch *batch, float *value);
 
 /* The net as a sum of products, by least squares; the weights (nv + 3 of θh, one a layer of θd; NULL: 1) say where it matters.  The

@@ -7,7 +7,7 @@
 
 #include <string.h>
 
-enum { SPANS_MAX = 512, SIDE_MAX = 256 };
+enum { SPANS_MAX = 512, SIDE_MAX = 256, NET_MAX = 1 << 22 };
 static const char *const curve_key[TSUYA_SHEEN_CURVES] = {"warp_along", "warp_across", "weft_along", "weft_across"};
 static const char *const factor_key[TSUYA_SHEEN_FACTORS] = {"over_theta_d", "over_phi", "over_theta", "over_channels"};
 static const double log_limit = 200.0, strength_limit = 1e30;
@@ -128,6 +128,10 @@ static tsuya_status read_sizes(int *nu, int *nv, int *nd, const tsuya_json *surf
 static tsuya_status read_net(tsuya_sheen *s, const tsuya_json *surface)
 {
     int points = tsuya_sheen_net_points(s->nu, s->nv, s->nd), channels = s->channels;
+    if (points > NET_MAX / channels) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "material: surface: %d control values in %d channels: expected at most %d together", points, channels, NET_MAX);
+    }
+    TSUYA_TRY(tsuya_sheen_create_net(s));
     double *net = tsuya_calloc((size_t)points * (size_t)channels, sizeof *net);
     if (!net) {
         return TSUYA_ERROR_MEMORY;
@@ -152,8 +156,6 @@ static tsuya_status read_surface(tsuya_sheen *s, const tsuya_json *surface)
     for (int k = 0; k < TSUYA_SHEEN_FACTORS; ++k) {
         TSUYA_TRY(tsuya_model_read_numbers(s->factor[k], s->terms * tsuya_sheen_factor_size(s, k), surface, factor_key[k], -log_limit, log_limit));
     }
-    tsuya_free(s->net);
-    s->net = NULL;
     return TSUYA_OK;
 }
 

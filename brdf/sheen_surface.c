@@ -29,6 +29,7 @@ tsuya_status tsuya_sheen_fit_surface(tsuya_sheen *sheen, double *reciprocal_cond
     size_t n = (size_t)data->count, channels = (size_t)data->channels;
     double *guide = NULL, *target = NULL, *weight = NULL, *control = NULL;
     *reciprocal_condition = 1.0;
+    TSUYA_GOTO_DONE(status, tsuya_sheen_create_net(sheen));
     TSUYA_NEW(status, guide, n * channels);
     TSUYA_NEW(status, target, n);
     TSUYA_NEW(status, weight, n);

@@ -42,6 +42,7 @@ static tsuya_sheen *made(const shape *of)
 {
     tsuya_sheen *s;
     assert_ok(tsuya_sheen_create(&s, 3, of->spans, of->nu, of->nv, of->nd));
+    assert_ok(tsuya_sheen_create_net(s));
     for (int k = 0; k < TSUYA_SHEEN_CURVES; ++k) {
         for (int i = 0; i < of->spans + 3; ++i) {
             double psi = M_PI * (i - 1.0) / of->spans - 0.5 * M_PI;
