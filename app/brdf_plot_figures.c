@@ -132,7 +132,8 @@ tsuya_status tsuya_plot_pair(const char *path, const tsuya_brdf_picture *p, cons
     return tsuya_gnuplot_end(&g);
 }
 
-/* Half of the plane belongs to azimuths below 180° with the half vector ahead, half to those with it behind. */
+/* Every point of the plane is a half vector, which two positions of the stage have, half a turn apart: light and viewer change places, and
+ * f·cosθi with them.  One half of the plane by either would leave it torn along the weft, so the mean of both stands there. */
 static double half_rest_deg(const tsuya_plot_bench *b)
 {
     tsuya_vec3 h = tsuya_vec3_add(tsuya_goniometer_direction(b->light_deg[0], b->light_deg[1], 0, 0),
@@ -145,18 +146,24 @@ static void write_surface(const tsuya_gnuplot *g, const tsuya_brdf_picture *p, c
     double reach = fmin(fmax(rest - d->tilt_deg[0], d->tilt_deg[1] - rest), 75.0);
     fputs("$surface << EOD\n", g->script);
     for (int u = 0; u <= SPOKES; ++u) {
-        double phi = 360.0 * u / SPOKES, a = phi < 180.0 ? phi : phi - 180.0, sign = phi < 180.0 ? 1.0 : -1.0;
-        a = u == SPOKES ? 0.0 : a;
-        sign = u == SPOKES ? 1.0 : sign;
+        double phi = 360.0 * (u % SPOKES) / SPOKES;
         for (int v = 0; v < RINGS; ++v) {
             double theta = reach * v / (RINGS - 1), r = tsuya_rad_from_deg(phi);
             fprintf(g->script, "%.6g %.6g ", theta * cos(r), theta * sin(r));
-            write_number(g->script, intensity(p, d, a, rest - sign * theta));
+            write_number(g->script, 0.5 * (intensity(p, d, phi, rest - theta) + intensity(p, d, phi + 180.0, rest + theta)));
             fputc('\n', g->script);
         }
         fputc('\n', g->script);
     }
     fputs("EOD\n", g->script);
+}
+
+/* Of light and viewer, over the light's: what makes the mean of both positions of a reading, if f is reciprocal. */
+static double mean_cosine(const tsuya_plot_bench *b, const tsuya_plot_point *q)
+{
+    double light = tsuya_goniometer_direction(b->light_deg[0], b->light_deg[1], q->azimuth_deg, q->tilt_deg).z;
+    double view = tsuya_goniometer_direction(b->view_deg[0], b->view_deg[1], q->azimuth_deg, q->tilt_deg).z;
+    return 0.5 * (light + view) / light;
 }
 
 /* The surface is sorted by depth and would come last: points are drawn over it in a second pass of the same axes. */
@@ -183,11 +190,11 @@ tsuya_status tsuya_plot_surface(const char *path, const tsuya_brdf_picture *p, c
     fputs("$points << EOD\n", g.script);
     for (int k = 0; k < d->count; ++k) {
         double a = tsuya_rad_from_deg(d->point[k].azimuth_deg), r = rest - d->point[k].tilt_deg;
-        fprintf(g.script, "%.6g %.6g %.9g\n", r * cos(a), r * sin(a), d->point[k].intensity);
+        fprintf(g.script, "%.6g %.6g %.9g\n", r * cos(a), r * sin(a), d->point[k].intensity * mean_cosine(&p->bench, &d->point[k]));
     }
     fputs("0 0 NaN\nEOD\nset title ", g.script);
     write_title(&g, p, d);
-    fputs("\nset xlabel 'towards the weft, degrees' offset 0,-0.5\nset ylabel 'towards the warp, degrees' offset 0,-0.5\nset zlabel 'f cosθi, 1/sr' rotate\n"
+    fputs("\nset xlabel 'towards the weft, degrees' offset 0,-0.5\nset ylabel 'towards the warp, degrees' offset 0,-0.5\nset zlabel 'f (cosθi + cosθo)/2, 1/sr' rotate\n"
           "set xyplane 0\nset view 42,332,1.1,1.1\nset xtics 30 offset 0,-0.3\nset ytics 30\nset zrange [0:*]\nset border 31\nunset colorbox\n"
           "set pm3d depthorder lighting primary 0.25 specular 0.1\n"
           "set palette defined (0 '#2c3f86', 0.3 '#3f86b5', 0.55 '#58b892', 0.8 '#dcd36a', 1 '#fff6cf')\nset key bottom center\n",
