@@ -1,5 +1,7 @@
 #include "core/camera.h"
 
+#include "core/camera_spline.h"
+
 #include <string.h>
 
 /* Distorted normalised coordinates and their Jacobian (OpenCV calib3d, "Detailed Description"). */
@@ -29,6 +31,9 @@ bool tsuya_camera_project(const tsuya_camera *camera, tsuya_vec3 p, tsuya_vec2 *
     if (!(p.z > 0.0)) {
         return false;
     }
+    if (camera->lens == TSUYA_LENS_SPLINED_STEREOGRAPHIC) {
+        return tsuya_camera_spline_project(camera, p, pixel);
+    }
     double d[2];
     distort(camera->distortion, p.x / p.z, p.y / p.z, d, NULL);
     pixel->x = camera->fx_px * d[0] + camera->cx_px;
@@ -38,6 +43,9 @@ bool tsuya_camera_project(const tsuya_camera *camera, tsuya_vec3 p, tsuya_vec2 *
 
 bool tsuya_camera_unproject(const tsuya_camera *camera, tsuya_vec2 pixel, tsuya_vec3 *ray)
 {
+    if (camera->lens == TSUYA_LENS_SPLINED_STEREOGRAPHIC) {
+        return tsuya_camera_spline_unproject(camera, pixel, ray);
+    }
     double u = (pixel.x - camera->cx_px) / camera->fx_px, v = (pixel.y - camera->cy_px) / camera->fy_px;
     double x = u, y = v, tolerance = 1e-14 * (1 + fabs(u) + fabs(v));
     bool found = false;

@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { LARGEST_FILE = 256 << 20, MOST_NUMBERS = 64, LONGEST_WORD = 128, DEEPEST = 16 };
+enum { LARGEST_FILE = 256 << 20, MOST_NUMBERS = 4 + 2 * TSUYA_SPLINE_MOST, LONGEST_WORD = 128, DEEPEST = 16 };
 
 typedef struct lens_name {
     const char *name;
@@ -22,6 +22,7 @@ static const lens_name LENSES[] = {
     {"LENSMODEL_OPENCV12", TSUYA_LENS_OPENCV12, 12},
 };
 enum { LENS_COUNT = sizeof LENSES / sizeof LENSES[0] };
+static const char SPLINED[] = "LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=%d_Ny=%d_fov_x_deg=%d";
 
 typedef struct value {
     char text[LONGEST_WORD]; /* of a string */
@@ -154,20 +155,45 @@ static tsuya_status read_contents(contents *c, const char *text, const char *pat
     return *at == '}' ? TSUYA_OK : tsuya_fail(TSUYA_ERROR_INPUT, "%s: truncated: the closing '}' is missing", path);
 }
 
+/* A splined lens by its name, which must be written as mrcal writes it. */
+static bool parse_splined(tsuya_lens_spline *s, const char *name)
+{
+    char again[LONGEST_WORD];
+    if (sscanf(name, SPLINED, &s->nx, &s->ny, &s->fov_x_deg) != 3) {
+        return false;
+    }
+    snprintf(again, sizeof again, SPLINED, s->nx, s->ny, s->fov_x_deg);
+    return strcmp(again, name) == 0 && s->nx >= TSUYA_SPLINE_LEAST_SIDE && s->ny >= TSUYA_SPLINE_LEAST_SIDE && s->nx <= TSUYA_SPLINE_MOST / s->ny
+        && s->fov_x_deg >= 1 && s->fov_x_deg < 360;
+}
+
+/* Which lens, and how many numbers it has beyond the core. */
+static tsuya_status find_lens(tsuya_camera *camera, int *more, const contents *c, const char *path)
+{
+    for (int i = 0; c->has_lens && i < LENS_COUNT; i++) {
+        if (strcmp(LENSES[i].name, c->lens.text) == 0) {
+            camera->lens = LENSES[i].lens;
+            *more = LENSES[i].distortions;
+            return TSUYA_OK;
+        }
+    }
+    if (c->has_lens && parse_splined(&camera->spline, c->lens.text)) {
+        camera->lens = TSUYA_LENS_SPLINED_STEREOGRAPHIC;
+        *more = 2 * camera->spline.nx * camera->spline.ny;
+        return TSUYA_OK;
+    }
+    return tsuya_fail(TSUYA_ERROR_INPUT, "%s: lens model \"%s\"; LENSMODEL_PINHOLE, _OPENCV4, _OPENCV5, _OPENCV8, _OPENCV12 and _SPLINED_STEREOGRAPHIC "
+                      "(order=3, Nx and Ny of 4 or more, Nx Ny at most %d) are accepted", path, c->lens.text, TSUYA_SPLINE_MOST);
+}
+
 static tsuya_status fill(tsuya_camera *camera, tsuya_pose *pose, const contents *c, const char *path)
 {
-    const lens_name *lens = NULL;
-    for (int i = 0; c->has_lens && i < LENS_COUNT; i++) {
-        lens = strcmp(LENSES[i].name, c->lens.text) == 0 ? &LENSES[i] : lens;
-    }
-    if (!lens) {
-        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: lens model \"%s\"; LENSMODEL_PINHOLE, _OPENCV4, _OPENCV5, _OPENCV8 and _OPENCV12 are accepted",
-                          path, c->lens.text);
-    }
+    int more = 0;
+    *camera = (tsuya_camera){0};
+    TSUYA_TRY(find_lens(camera, &more, c, path));
     const double *p = c->intrinsics.number, *size = c->size.number;
-    if (c->intrinsics.count != 4 + lens->distortions || !(p[0] > 0.0) || !(p[1] > 0.0)) {
-        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: intrinsics: %d numbers with positive focal lengths are expected for %s", path,
-                          4 + lens->distortions, lens->name);
+    if (c->intrinsics.count != 4 + more || !(p[0] > 0.0) || !(p[1] > 0.0)) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: intrinsics: %d numbers with positive focal lengths are expected for %s", path, 4 + more, c->lens.text);
     }
     if (c->size.count != 2 || !(size[0] >= 1 && size[0] <= 65535) || !(size[1] >= 1 && size[1] <= 65535)) {
         return tsuya_fail(TSUYA_ERROR_INPUT, "%s: imagersize: two numbers in 1 … 65535 are expected", path);
@@ -175,9 +201,13 @@ static tsuya_status fill(tsuya_camera *camera, tsuya_pose *pose, const contents 
     if (c->has_extrinsics && c->extrinsics.count != 6) {
         return tsuya_fail(TSUYA_ERROR_INPUT, "%s: extrinsics: six numbers (rotation vector, translation) are expected", path);
     }
-    *camera = (tsuya_camera){.lens = lens->lens, .width_px = (int)size[0], .height_px = (int)size[1], .fx_px = p[0], .fy_px = p[1],
-                             .cx_px = p[2], .cy_px = p[3]};
-    memcpy(camera->distortion, p + 4, (size_t)lens->distortions * sizeof *p);
+    camera->width_px = (int)size[0];
+    camera->height_px = (int)size[1];
+    camera->fx_px = p[0];
+    camera->fy_px = p[1];
+    camera->cx_px = p[2];
+    camera->cy_px = p[3];
+    memcpy(camera->lens == TSUYA_LENS_SPLINED_STEREOGRAPHIC ? camera->spline.point : camera->distortion, p + 4, (size_t)more * sizeof *p);
     if (pose) {
         const double *e = c->extrinsics.number;
         *pose = tsuya_pose_identity();
@@ -217,17 +247,31 @@ static const lens_name *lens_for(tsuya_lens lens)
     return &LENSES[i];
 }
 
+void tsuya_cameramodel_lens(char name[TSUYA_LENS_NAME], const tsuya_camera *camera)
+{
+    if (camera->lens == TSUYA_LENS_SPLINED_STEREOGRAPHIC) {
+        snprintf(name, TSUYA_LENS_NAME, SPLINED, camera->spline.nx, camera->spline.ny, camera->spline.fov_x_deg);
+    } else {
+        snprintf(name, TSUYA_LENS_NAME, "%s", lens_for(camera->lens)->name);
+    }
+}
+
 tsuya_status tsuya_cameramodel_save(const tsuya_camera *camera, tsuya_pose camera_from_world, const char *path)
 {
     const lens_name *lens = lens_for(camera->lens);
+    bool splined = camera->lens == TSUYA_LENS_SPLINED_STEREOGRAPHIC;
+    const double *more = splined ? camera->spline.point : camera->distortion;
+    int count = splined ? 2 * camera->spline.nx * camera->spline.ny : lens->distortions;
+    char name[TSUYA_LENS_NAME];
+    tsuya_cameramodel_lens(name, camera);
     tsuya_vec3 r = tsuya_rodrigues_from_mat3(camera_from_world.rotation), t = camera_from_world.translation;
     tsuya_file_writer writer;
     TSUYA_TRY(tsuya_file_begin(&writer, path));
     FILE *out = writer.stream;
-    fprintf(out, "{\n    'lensmodel':  '%s',\n\n    # fx, fy, cx, cy, distortions; pixel (0,0) is the centre of the first pixel\n", lens->name);
+    fprintf(out, "{\n    'lensmodel':  '%s',\n\n    # fx, fy, cx, cy, %s; pixel (0,0) is the centre of the first pixel\n", name, splined ? "control points" : "distortions");
     fprintf(out, "    'intrinsics': [ %.17g, %.17g, %.17g, %.17g,", camera->fx_px, camera->fy_px, camera->cx_px, camera->cy_px);
-    for (int i = 0; i < lens->distortions; i++) {
-        fprintf(out, " %.17g,", camera->distortion[i]);
+    for (int i = 0; i < count; i++) {
+        fprintf(out, " %.17g,", more[i]);
     }
     fprintf(out, " ],\n\n    # rt_cam_ref: rotation vector and translation, metres\n");
     fprintf(out, "    'extrinsics': [ %.17g, %.17g, %.17g, %.17g, %.17g, %.17g, ],\n\n", r.x, r.y, r.z, t.x, t.y, t.z);

@@ -47,7 +47,8 @@ const tsuya_colmap_lens *tsuya_colmap_parameters(double *p, const tsuya_camera *
             return &tsuya_colmap_lenses[e];
         }
     }
-    (void)tsuya_fail(TSUYA_ERROR_INPUT, "COLMAP has no lens model with thin prism terms (OPENCV12); at most OPENCV8 can be written");
+    (void)tsuya_fail(TSUYA_ERROR_INPUT, "COLMAP has no lens model for %s; at most OPENCV8 can be written", camera->lens == TSUYA_LENS_OPENCV12
+                     ? "thin prism terms (OPENCV12)" : "control points (SPLINED_STEREOGRAPHIC)");
     return NULL;
 }
 

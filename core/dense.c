@@ -29,10 +29,12 @@ bool tsuya_dense_cholesky(double *a, int n)
 void tsuya_dense_forward(const double *l, double *b, int n, int m)
 {
     for (int r = 0; r < n; r++) {
-        for (int j = 0; j < m; j++) {
-            for (int k = 0; k < r; k++) {
+        for (int k = 0; k < r; k++) {
+            for (int j = 0; j < m; j++) {
                 b[r * m + j] -= l[r * n + k] * b[k * m + j];
             }
+        }
+        for (int j = 0; j < m; j++) {
             b[r * m + j] /= l[r * n + r];
         }
     }
@@ -41,10 +43,12 @@ void tsuya_dense_forward(const double *l, double *b, int n, int m)
 void tsuya_dense_backward(const double *l, double *b, int n, int m)
 {
     for (int r = n - 1; r >= 0; r--) {
-        for (int j = 0; j < m; j++) {
-            for (int k = r + 1; k < n; k++) {
+        for (int k = r + 1; k < n; k++) {
+            for (int j = 0; j < m; j++) {
                 b[r * m + j] -= l[k * n + r] * b[k * m + j];
             }
+        }
+        for (int j = 0; j < m; j++) {
             b[r * m + j] /= l[r * n + r];
         }
     }

@@ -69,6 +69,12 @@ static tsuya_status load_intrinsics(tsuya_camera *camera, const tsuya_reconstruc
         return tsuya_fail(TSUYA_ERROR_INPUT, "%s: made for %d x %d pixels, the photographs have %d x %d", r->options->camera_model,
                           camera->width_px, camera->height_px, first->width_px, first->height_px);
     }
+    if (camera->lens > TSUYA_LENS_OPENCV8) {
+        char name[TSUYA_LENS_NAME];
+        tsuya_cameramodel_lens(name, camera);
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: COLMAP has no lens model for %s; one that tsuya calib camera --lens OPENCV8 makes is accepted",
+                          r->options->camera_model, name);
+    }
     return TSUYA_OK;
 }
 

@@ -465,7 +465,7 @@ static bool bends(const tsuya_camera *camera)
             return true;
         }
     }
-    return false;
+    return camera->lens == TSUYA_LENS_SPLINED_STEREOGRAPHIC;
 }
 
 tsuya_status tsuya_path_render(tsuya_film *film, tsuya_path_info *info, const tsuya_scene *scene, const tsuya_light_set *lights,

@@ -175,6 +175,10 @@ static tsuya_status frame_stamp(tsuya_hash *stamp, const stage *s, const tsuya_r
     tsuya_hasher_add_text(hasher, s->inputs.hex);
     hash_numbers(hasher, (const double[]){c->lens, c->width_px, c->height_px, c->fx_px, c->fy_px, c->cx_px, c->cy_px, s->exposure_ev}, 8);
     hash_numbers(hasher, c->distortion, 12);
+    if (c->lens == TSUYA_LENS_SPLINED_STEREOGRAPHIC) {
+        hash_numbers(hasher, (const double[]){c->spline.nx, c->spline.ny, c->spline.fov_x_deg}, 3);
+        hash_numbers(hasher, c->spline.point, 2 * c->spline.nx * c->spline.ny);
+    }
     hash_numbers(hasher, &f->camera_from_world.rotation.e[0][0], 9);
     hash_vec3(hasher, f->camera_from_world.translation);
     hash_numbers(hasher, (const double[]){s->setup.preset == TSUYA_PRESET_TORCH ? f->index : 0}, 1);

@@ -145,6 +145,50 @@ static void test_camera_models_round_trip(void **state)
     }
 }
 
+static tsuya_camera make_splined(void)
+{
+    tsuya_camera c = {.lens = TSUYA_LENS_SPLINED_STEREOGRAPHIC, .width_px = 1280, .height_px = 960, .fx_px = 601.5, .fy_px = 603.25, .cx_px = 650, .cy_px = 470,
+                      .spline = {.nx = 12, .ny = 10, .fov_x_deg = 125}};
+    for (int i = 0; i < 2 * 12 * 10; i++) {
+        c.spline.point[i] = 0.02 * sin(1.7 * i) + 0.1 / 3.0;
+    }
+    return c;
+}
+
+/* A splined lens comes back from its file to the last digit, rays undo pixels, and Δ is what its weights say. */
+static void test_splined(void **state)
+{
+    (void)state;
+    tsuya_camera camera = make_splined(), back;
+    tsuya_pose pose;
+    assert_ok(tsuya_cameramodel_save(&camera, POSE, test_path("s.cameramodel")));
+    assert_ok(tsuya_cameramodel_load(&back, &pose, test_path("s.cameramodel")));
+    assert_int_equal(back.lens, camera.lens);
+    assert_memory_equal(&back.spline, &camera.spline, sizeof camera.spline);
+    for (int k = 0; k < 40; k++) {
+        tsuya_vec2 pixel = {100 + 27.0 * k, 80 + 21.0 * k}, again;
+        tsuya_vec3 ray;
+        assert_true(tsuya_camera_unproject(&camera, pixel, &ray));
+        assert_near(tsuya_vec3_norm(ray), 1.0, 1e-12);
+        assert_true(tsuya_camera_project(&camera, tsuya_vec3_scale(ray, 3.0), &again));
+        assert_near(again.x, pixel.x, 1e-7);
+        assert_near(again.y, pixel.y, 1e-7);
+        double weight[16], sum = 0.0, x = 0.0;
+        int first;
+        tsuya_vec2 u = tsuya_stereographic_from_ray(ray);
+        tsuya_lens_spline_weights(weight, &first, &camera.spline, u);
+        for (int i = 0; i < 16; i++) {
+            sum += weight[i];
+            x += weight[i] * camera.spline.point[2 * (first + i / 4 * camera.spline.nx + i % 4)];
+        }
+        assert_near(sum, 1.0, 1e-12);
+        assert_near(camera.fx_px * (u.x + x) + camera.cx_px, pixel.x, 1e-7);
+    }
+    tsuya_vec2 reach = tsuya_lens_spline_reach(&camera.spline), pixel;
+    assert_true(tsuya_camera_project(&camera, tsuya_stereographic_ray((tsuya_vec2){0.999 * reach.x, 0}), &pixel));
+    assert_false(tsuya_camera_project(&camera, tsuya_stereographic_ray((tsuya_vec2){1.001 * reach.x, 0}), &pixel));
+}
+
 /* mrcal's own tool opens our files, and sees the same rays. */
 static void test_mrcal_agrees(void **state)
 {
@@ -152,11 +196,11 @@ static void test_mrcal_agrees(void **state)
     if (!tsuya_process_available("mrcal-reproject-points")) {
         skip();
     }
-    static const tsuya_lens shared[] = {TSUYA_LENS_OPENCV4, TSUYA_LENS_OPENCV12};
+    static const tsuya_lens shared[] = {TSUYA_LENS_OPENCV4, TSUYA_LENS_OPENCV12, TSUYA_LENS_SPLINED_STEREOGRAPHIC};
     tsuya_camera plain = {.lens = TSUYA_LENS_PINHOLE, .width_px = 1280, .height_px = 960, .fx_px = 1, .fy_px = 1};
     assert_ok(tsuya_cameramodel_save(&plain, tsuya_pose_identity(), test_path("plain.cameramodel")));
-    for (int l = 0; l < 2; l++) {
-        tsuya_camera camera = make(shared[l]);
+    for (int l = 0; l < 3; l++) {
+        tsuya_camera camera = l == 2 ? make_splined() : make(shared[l]);
         char script[4 * TEST_PATH], *output;
         tsuya_process_info info;
         assert_ok(tsuya_cameramodel_save(&camera, POSE, test_path("lens.cameramodel")));
@@ -210,6 +254,9 @@ static void test_refusals(void **state)
     (void)state;
     assert_fails(load_text("{'lensmodel': 'LENSMODEL_CAHVORE', 'intrinsics': [1,1,0,0], 'imagersize': [1,1]}"), "lens model \"LENSMODEL_CAHVORE\"; LENSMODEL_PINHOLE");
     assert_fails(load_text("{'lensmodel': 'LENSMODEL_OPENCV4', 'intrinsics': [1,1,0,0], 'imagersize': [1,1]}"), "8 numbers");
+    assert_fails(load_text("{'lensmodel': 'LENSMODEL_SPLINED_STEREOGRAPHIC_order=2_Nx=11_Ny=8_fov_x_deg=200', 'intrinsics': [1,1,0,0], 'imagersize': [1,1]}"), "order=3");
+    assert_fails(load_text("{'lensmodel': 'LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=99_Ny=80_fov_x_deg=200', 'intrinsics': [1,1,0,0], 'imagersize': [1,1]}"), "at most 640");
+    assert_fails(load_text("{'lensmodel': 'LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=11_Ny=8_fov_x_deg=200', 'intrinsics': [1,1,0,0], 'imagersize': [1,1]}"), "180 numbers");
     assert_fails(load_text("{'lensmodel': 'LENSMODEL_PINHOLE', 'intrinsics': [0,1,0,0], 'imagersize': [1,1]}"), "positive focal lengths");
     assert_fails(load_text("{'lensmodel': 'LENSMODEL_PINHOLE', 'intrinsics': [1,1,0,0], 'imagersize': [1,0]}"), "imagersize");
     assert_fails(load_text("{'lensmodel': 'LENSMODEL_PINHOLE', 'intrinsics': [1,1,0,0]}"), "imagersize");
@@ -257,6 +304,7 @@ int main(void)
         cmocka_unit_test(test_beyond_the_fold),
         cmocka_unit_test(test_scaling_keeps_pixel_centres),
         cmocka_unit_test(test_camera_models_round_trip),
+        cmocka_unit_test(test_splined),
         cmocka_unit_test(test_mrcal_agrees),
         cmocka_unit_test(test_what_mrcal_writes),
         cmocka_unit_test(test_refusals),
