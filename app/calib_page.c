@@ -110,8 +110,10 @@ static void verdict(page *p)
     double corner = tsuya_projection_corner(&which, &c->sigma);
     snprintf(note, sizeof note, isfinite(corner) ? "worst corner %.3g px" : "the lens does not reach a corner", corner);
     card(p, value, "uncertainty, centre", note);
-    snprintf(value, sizeof value, "%.1f px", c->solve.camera.fx_px);
-    snprintf(note, sizeof note, "± %.2g px; fy %.1f", sqrt(c->covariance.intrinsics[0]), c->solve.camera.fy_px);
+    double sigma, focal = tsuya_projection_focal(&sigma, &c->solve.camera, c->covariance.intrinsics);
+    bool splined = c->solve.camera.lens == TSUYA_LENS_SPLINED_STEREOGRAPHIC;
+    snprintf(value, sizeof value, "%.1f px", focal);
+    snprintf(note, sizeof note, splined ? "± %.2g px; in the middle, along x" : "± %.2g px; fy %.1f", sigma, c->solve.camera.fy_px);
     card(p, value, "focal length", note);
     tsuya_html_raw(&p->html, "</div>");
     if (c->advice_count) {
@@ -183,13 +185,20 @@ static void lenses(page *p)
 {
     const tsuya_calibration *c = p->c;
     tsuya_html_raw(&p->html, "<section><h2>Choice of the lens</h2><table><tr><th>Model</th><th class=\"n\">Residual, px</th><th class=\"n\">Held out, px</th>"
+                             "<th class=\"n\">where both halves saw boards, px</th>"
                              "<th class=\"n\">Cross-validation p90, px</th><th class=\"n\">at infinity, px</th></tr>\n");
     for (int i = 0; i < c->trials; i++) {
         const tsuya_calibrate_trial *t = &c->trial[i];
         bool chosen = i == c->chosen;
-        tsuya_html_raw(&p->html, "<tr><td>%s%s%s%s</td>", chosen ? "<b>" : "", tsuya_lens_name(t->lens), t->bent ? ", bent plates" : "", chosen ? "</b>, chosen" : "");
+        char points[32] = "";
+        if (t->nx) {
+            snprintf(points, sizeof points, ", %d × %d points", t->nx, t->ny);
+        }
+        tsuya_html_raw(&p->html, "<tr><td>%s%s%s%s%s</td>", chosen ? "<b>" : "", tsuya_lens_name(t->lens), points, t->bent ? ", bent plates" : "",
+                       chosen ? "</b>, chosen" : "");
         number_cell(p, 4, t->rms_px);
         number_cell(p, 4, t->heldout_px);
+        number_cell(p, 4, t->heldout_near_px);
         number_cell(p, 3, t->cross.p90);
         number_cell(p, 3, t->cross_infinity.p90);
         tsuya_html_raw(&p->html, "</tr>\n");

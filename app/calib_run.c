@@ -89,9 +89,14 @@ static tsuya_status find_corners(run *r)
 static void set_exports(tsuya_json *figures, const tsuya_camera *k)
 {
     char line[512];
+    if (k->lens == TSUYA_LENS_SPLINED_STEREOGRAPHIC) { /* neither has it */
+        tsuya_json_set_text(figures, "opencv", NULL);
+        tsuya_json_set_text(figures, "colmap", NULL);
+        return;
+    }
     tsuya_json *opencv = tsuya_json_set_object(figures, "opencv");
     double matrix[9] = {k->fx_px, 0, k->cx_px, 0, k->fy_px, k->cy_px, 0, 0, 1};
-    int n = tsuya_lens_parameters(k->lens) - 4;
+    int n = tsuya_lens_parameters(k) - 4;
     tsuya_json_set_numbers(opencv, "camera_matrix", matrix, 9);
     tsuya_json_set_numbers(opencv, "dist_coeffs", k->distortion, n);
     const double *d = k->distortion;

@@ -17,7 +17,7 @@ static const struct argp_option camera_options[] = {
     {"board", KEY_BOARD, "BOARD.yaml", 0, "The board: a grid, listed tags, or Kalibr's aprilgrid", 0},
     {"corners", KEY_CORNERS, "FILE", 0, "Corners (vnlog: filename tag_id corner x_px y_px sigma_px) instead of photographs", 0},
     {"imager", KEY_IMAGER, "W,H", 0, "Image size of --corners, px", 0},
-    {"lens", KEY_LENS, "MODEL", 0, "PINHOLE, OPENCV4, OPENCV5, OPENCV8 or OPENCV12 (default: the smallest that cross-validates)", 0},
+    {"lens", KEY_LENS, "MODEL", 0, "PINHOLE, OPENCV4, OPENCV5, OPENCV8, OPENCV12 or SPLINED_STEREOGRAPHIC (default: the smallest that cross-validates)", 0},
     {"tolerance", KEY_TOLERANCE, "PX", 0, "Two halves of the photographs must agree within this, p90 (default 0.5)", 0},
     {"output", 'o', "PATH", 0, "Folder, or CAM.cameramodel (default: the current folder)", 0},
     {0},
@@ -29,10 +29,8 @@ static void parse_lens(struct argp_state *state, tsuya_calibrate_options *option
     if (strncmp(name, "LENSMODEL_", 10) == 0) {
         name += 10;
     }
-    if (strncmp(name, "SPLINED_STEREOGRAPHIC", 21) == 0) {
-        argp_error(state, "--lens: SPLINED_STEREOGRAPHIC cannot be carried through the other stages; PINHOLE, OPENCV4, OPENCV5, OPENCV8 and OPENCV12 are accepted");
-    } else if (!tsuya_lens_from_name(&options->lens, name)) {
-        argp_error(state, "--lens: '%s' is unknown; PINHOLE, OPENCV4, OPENCV5, OPENCV8 and OPENCV12 are accepted", name);
+    if (!tsuya_lens_from_name(&options->lens, name)) {
+        argp_error(state, "--lens: '%s' is unknown; PINHOLE, OPENCV4, OPENCV5, OPENCV8, OPENCV12 and SPLINED_STEREOGRAPHIC are accepted", name);
     }
 }
 

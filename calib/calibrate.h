@@ -9,22 +9,25 @@
 #include "core/context.h"
 #include "core/json.h"
 
-enum { TSUYA_CALIB_LENSES = 5, TSUYA_CALIB_TRIALS = TSUYA_CALIB_LENSES + 1, TSUYA_CALIB_ADVICE = 8 };
+enum { TSUYA_CALIB_TRIALS = 20, TSUYA_CALIB_ADVICE = 8 };
 
 typedef struct tsuya_calibrate_options {
     double tolerance_px;  /* two halves of the photographs agree within this (p90) */
     double focal_px;      /* from EXIF; 0: unknown */
     bool lens_given;
     tsuya_lens lens;
+    tsuya_lens largest;   /* that may be chosen */
 } tsuya_calibrate_options;
 TSUYA_API tsuya_calibrate_options tsuya_calibrate_options_default(void);
 
 /* How one lens did. */
 typedef struct tsuya_calibrate_trial {
     tsuya_lens lens;
+    int nx, ny;           /* control points of a splined lens; else 0 */
     bool bent;            /* plates may be bent */
-    double rms_px;
+    double rms_px;        /* infinite where the solve failed, or the photographs do not determine the lens */
     double heldout_px;    /* corners of one half through the camera of the other; NaN without halves */
+    double heldout_near_px; /* the same of corners where the fitting half saw boards: what splined lenses are judged by */
     tsuya_projection_stats cross, cross_infinity;
 } tsuya_calibrate_trial;
 
@@ -39,10 +42,11 @@ typedef struct tsuya_calibration {
     tsuya_solve solve;
     tsuya_covariance covariance;
     double distance_m;            /* median from camera to plate */
-    tsuya_calibrate_trial trial[TSUYA_CALIB_TRIALS]; /* flat plates, then the chosen lens with bent ones */
+    tsuya_calibrate_trial trial[TSUYA_CALIB_TRIALS]; /* in the order they were made */
     int trials, chosen;
     bool cross_validates;
-    char reason[384];             /* of the choice */
+    double misfit;                /* share of the residuals' variance that photographs share by place in the image (calib/misfit.h) */
+    char reason[512];             /* of the choice */
     tsuya_projection_map sigma, sigma_infinity, cross, cross_infinity; /* cross: empty (cols 0) without halves */
     tsuya_calibrate_plate *plate; /* plate_count − 1 of the board; owned */
     int plates, photos_used;

@@ -54,9 +54,13 @@ static void set_trials(tsuya_json *object, const tsuya_calibration *c)
         const tsuya_calibrate_trial *t = &c->trial[i];
         tsuya_json *o = tsuya_json_add_object(lenses);
         tsuya_json_set_text(o, "model", tsuya_lens_name(t->lens));
+        if (t->nx) {
+            tsuya_json_set_numbers(o, "control_points", (const double[]){t->nx, t->ny}, 2);
+        }
         tsuya_json_set_bool(o, "bent_plates", t->bent);
         tsuya_json_set_number(o, "rms_px", t->rms_px);
         tsuya_json_set_number(o, "heldout_px", t->heldout_px);
+        tsuya_json_set_number(o, "heldout_near_px", t->heldout_near_px);
         tsuya_json_set_number(o, "cross_validation_p90_px", t->cross.p90);
     }
 }
@@ -102,20 +106,36 @@ static void set_photos(tsuya_json *object, const tsuya_calibration *c, const tsu
     }
 }
 
+/* Control points stand in the camera model; here is how they are laid out. */
+static void set_spline(tsuya_json *object, const tsuya_lens_spline *s)
+{
+    tsuya_json *o = tsuya_json_set_object(object, "spline");
+    tsuya_json_set_number(o, "order", 3);
+    tsuya_json_set_number(o, "nx", s->nx);
+    tsuya_json_set_number(o, "ny", s->ny);
+    tsuya_json_set_number(o, "fov_x_deg", s->fov_x_deg);
+}
+
 static void set_camera(tsuya_json *object, const tsuya_calibration *c)
 {
     const tsuya_camera *k = &c->solve.camera;
-    int n = tsuya_lens_parameters(k->lens);
-    double sigma[TSUYA_INTRINSICS_MOST];
+    int n = tsuya_lens_parameters(k);
+    double sigma[16], focal_sigma, focal = tsuya_projection_focal(&focal_sigma, k, c->covariance.intrinsics);
     tsuya_json_set_number(object, "fx", k->fx_px);
     tsuya_json_set_number(object, "fy", k->fy_px);
     tsuya_json_set_number(object, "cx", k->cx_px);
     tsuya_json_set_number(object, "cy", k->cy_px);
-    tsuya_json_set_numbers(object, "distortion", k->distortion, n - 4);
-    for (int i = 0; i < n; i++) {
-        sigma[i] = sqrt(c->covariance.intrinsics[i * n + i]);
+    tsuya_json_set_number(object, "focal_center_px", focal);
+    tsuya_json_set_number(object, "focal_center_sigma_px", focal_sigma);
+    if (k->lens == TSUYA_LENS_SPLINED_STEREOGRAPHIC) {
+        set_spline(object, &k->spline);
+    } else {
+        tsuya_json_set_numbers(object, "distortion", k->distortion, n - 4);
+        for (int i = 0; i < n; i++) {
+            sigma[i] = sqrt(c->covariance.intrinsics[i * n + i]);
+        }
+        tsuya_json_set_numbers(object, "intrinsics_sigma", sigma, n);
     }
-    tsuya_json_set_numbers(object, "intrinsics_sigma", sigma, n);
     tsuya_json_set_number(object, "width_px", k->width_px);
     tsuya_json_set_number(object, "height_px", k->height_px);
 }
@@ -142,6 +162,7 @@ void tsuya_calibration_to_json(tsuya_json *object, const tsuya_calibration *c, c
     tsuya_json_set_number(object, "edge_bias", c->solve.edge_bias);
     set_shapes(object, &c->solve);
     tsuya_json_set_text(object, "reason", c->reason);
+    tsuya_json_set_number(object, "misfit", c->misfit);
     tsuya_json *advice = tsuya_json_set_array(object, "advice");
     for (int i = 0; i < c->advice_count; i++) {
         tsuya_json_add_text(advice, c->advice[i]);

@@ -6,6 +6,9 @@
  * sandwich estimator, Liang & Zeger 1986; leverage as in Bell & McCaffrey 2002, "CR2"; two ways at once as in Cameron, Gelbach
  * & Miller 2011): by photograph, and by tag.  Where corners err independently both agree.
  *
+ * Of a splined lens, which has more control points than there are photographs, scatter is told from independence in smooth motions of
+ * the control points alone; the others get its size.
+ *
  * Poses are eliminated view by view; what is left are the intrinsics, the edges' bias and the plates' shapes, which the solve
  * estimates too. */
 #ifndef TSUYA_CALIB_COVARIANCE_H
@@ -15,7 +18,7 @@
 
 typedef struct tsuya_covariance {
     int n;                     /* intrinsics */
-    double intrinsics[TSUYA_INTRINSICS_MOST * TSUYA_INTRINSICS_MOST]; /* n × n */
+    double *intrinsics;        /* n × n, zero where a lens keeps them (tsuya_lens_locked); owned */
     double *pose;              /* 6 × 6 a view: rotation vector (rad, in the camera's frame), translation (m); owned */
     double photo_factor;       /* sigma as photographs scatter over sigma as corners alone would have it, over all directions */
     double tag_factor;         /* what tags add to that, likewise (0: nothing that is told from chance) */

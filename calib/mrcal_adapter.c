@@ -1,6 +1,7 @@
 #include "calib/mrcal_adapter.h"
 
 #include "calib/mrcal_inputs.h"
+#include "calib/spline.h"
 #include "core/memory.h"
 
 #include <mrcal/mrcal.h>
@@ -8,12 +9,22 @@
 
 #include <string.h>
 
-static mrcal_lensmodel_t model_of(tsuya_lens lens)
+static mrcal_lensmodel_t model_of(const tsuya_camera *camera)
 {
     mrcal_lensmodel_t model = {.type = MRCAL_LENSMODEL_PINHOLE};
-    model.type = lens == TSUYA_LENS_OPENCV4 ? MRCAL_LENSMODEL_OPENCV4 : lens == TSUYA_LENS_OPENCV5 ? MRCAL_LENSMODEL_OPENCV5
-               : lens == TSUYA_LENS_OPENCV8 ? MRCAL_LENSMODEL_OPENCV8 : lens == TSUYA_LENS_OPENCV12 ? MRCAL_LENSMODEL_OPENCV12
-                                                                                                    : MRCAL_LENSMODEL_PINHOLE;
+    switch (camera->lens) {
+    case TSUYA_LENS_OPENCV4: model.type = MRCAL_LENSMODEL_OPENCV4; break;
+    case TSUYA_LENS_OPENCV5: model.type = MRCAL_LENSMODEL_OPENCV5; break;
+    case TSUYA_LENS_OPENCV8: model.type = MRCAL_LENSMODEL_OPENCV8; break;
+    case TSUYA_LENS_OPENCV12: model.type = MRCAL_LENSMODEL_OPENCV12; break;
+    case TSUYA_LENS_SPLINED_STEREOGRAPHIC:
+        model.type = MRCAL_LENSMODEL_SPLINED_STEREOGRAPHIC;
+        model.LENSMODEL_SPLINED_STEREOGRAPHIC__config =
+            (mrcal_LENSMODEL_SPLINED_STEREOGRAPHIC__config_t){.order = 3, .Nx = (uint16_t)camera->spline.nx, .Ny = (uint16_t)camera->spline.ny,
+                                                              .fov_x_deg = (uint16_t)camera->spline.fov_x_deg};
+        break;
+    default: break;
+    }
     return model;
 }
 
@@ -23,7 +34,7 @@ static void vector_from_camera(double v[TSUYA_INTRINSICS_MOST], const tsuya_came
     v[1] = c->fy_px;
     v[2] = c->cx_px;
     v[3] = c->cy_px;
-    memcpy(v + 4, c->distortion, sizeof c->distortion);
+    memcpy(v + 4, c->lens == TSUYA_LENS_SPLINED_STEREOGRAPHIC ? c->spline.point : c->distortion, (size_t)(tsuya_lens_parameters(c) - 4) * sizeof *v);
 }
 
 static void camera_from_vector(tsuya_camera *c, const double *v)
@@ -32,7 +43,17 @@ static void camera_from_vector(tsuya_camera *c, const double *v)
     c->fy_px = v[1];
     c->cx_px = v[2];
     c->cy_px = v[3];
-    memcpy(c->distortion, v + 4, (size_t)(tsuya_lens_parameters(c->lens) - 4) * sizeof *v);
+    memcpy(c->lens == TSUYA_LENS_SPLINED_STEREOGRAPHIC ? c->spline.point : c->distortion, v + 4, (size_t)(tsuya_lens_parameters(c) - 4) * sizeof *v);
+}
+
+/* mrcal's advice for splined lenses: control points move alone, the core stays where it is; and what no corner holds is kept from
+ * running away. */
+static void select_intrinsics(mrcal_problem_selections_t *select, const tsuya_camera *c, tsuya_mrcal_free what)
+{
+    bool splined = c->lens == TSUYA_LENS_SPLINED_STEREOGRAPHIC;
+    select->do_optimize_intrinsics_core = what == TSUYA_MRCAL_CORE || (what == TSUYA_MRCAL_ALL && !splined);
+    select->do_optimize_intrinsics_distortions = what == TSUYA_MRCAL_ALL;
+    select->do_apply_regularization = what == TSUYA_MRCAL_ALL && splined;
 }
 
 /* The problem as mrcal sees it. */
@@ -45,6 +66,9 @@ typedef struct layout {
     mrcal_pose_t *pose;
     mrcal_point3_t *point;
     mrcal_observation_point_t *seen;
+    tsuya_spline_hold *hold; /* the last pose, and the last points and observations, are those of a splined lens' prior */
+    int holds;
+    double hold_sigma_px;
     int poses, points, observations, states, measurements;
 } layout;
 
@@ -53,19 +77,46 @@ static void layout_free(layout *l)
     tsuya_free(l->pose);
     tsuya_free(l->point);
     tsuya_free(l->seen);
+    tsuya_free(l->hold);
+}
+
+static mrcal_pose_t pose_to_mrcal(tsuya_pose pose)
+{
+    tsuya_vec3 r = tsuya_rodrigues_from_mat3(pose.rotation), t = pose.translation;
+    return (mrcal_pose_t){.r = {.xyz = {r.x, r.y, r.z}}, .t = {.xyz = {t.x, t.y, t.z}}};
+}
+
+static tsuya_pose pose_from_mrcal(const mrcal_pose_t *pose)
+{
+    const double *r = pose->r.xyz, *t = pose->t.xyz;
+    return (tsuya_pose){tsuya_mat3_from_rodrigues((tsuya_vec3){r[0], r[1], r[2]}), {t[0], t[1], t[2]}};
+}
+
+static void fill_holds(layout *l, const tsuya_solve *solve)
+{
+    if (l->holds) {
+        l->pose[solve->view_count] = pose_to_mrcal(solve->camera_from_prior);
+    }
+    for (int i = 0; i < l->holds; i++) {
+        const tsuya_spline_hold *h = &l->hold[i];
+        int point = l->points - l->holds + i;
+        l->point[point] = (mrcal_point3_t){.xyz = {h->ray.x, h->ray.y, h->ray.z}};
+        l->seen[solve->observation_count + i] = (mrcal_observation_point_t){.icam = {.intrinsics = 0, .extrinsics = solve->view_count}, .i_point = point,
+                                                                            .px = {.xyz = {h->pixel.x, h->pixel.y, 1.0 / l->hold_sigma_px}}};
+    }
 }
 
 static void fill(layout *l, const tsuya_solve *solve)
 {
-    for (int v = 0; v < l->poses; v++) {
-        tsuya_vec3 r = tsuya_rodrigues_from_mat3(solve->view[v].camera_from_plate.rotation), t = solve->view[v].camera_from_plate.translation;
-        l->pose[v] = (mrcal_pose_t){.r = {.xyz = {r.x, r.y, r.z}}, .t = {.xyz = {t.x, t.y, t.z}}};
+    for (int v = 0; v < solve->view_count; v++) {
+        l->pose[v] = pose_to_mrcal(solve->view[v].camera_from_plate);
     }
-    for (int i = 0; i < l->points; i++) {
+    for (int i = 0; i < l->points - l->holds; i++) {
         tsuya_vec3 p = tsuya_solve_point(solve, i / 4, i % 4);
         l->point[i] = (mrcal_point3_t){.xyz = {p.x, p.y, p.z}};
     }
-    for (int i = 0; i < l->observations; i++) {
+    fill_holds(l, solve);
+    for (int i = 0; i < solve->observation_count; i++) {
         const tsuya_solve_observation *o = &solve->observation[i];
         l->seen[i].icam.intrinsics = 0;
         l->seen[i].icam.extrinsics = o->view;
@@ -77,13 +128,18 @@ static void fill(layout *l, const tsuya_solve *solve)
 static tsuya_status layout_create(layout *l, const tsuya_solve *solve, tsuya_mrcal_free what)
 {
     tsuya_status status = TSUYA_OK;
-    *l = (layout){.model = model_of(solve->camera.lens), .constants = {.point_min_range = 1e-6, .point_max_range = 1e9},
-                  .size = {solve->camera.width_px, solve->camera.height_px}, .poses = solve->view_count, .points = 4 * solve->board->tag_count,
-                  .observations = solve->observation_count};
+    const tsuya_camera *c = &solve->camera;
+    *l = (layout){.model = model_of(c), .constants = {.point_min_range = 1e-6, .point_max_range = 1e9}, .size = {c->width_px, c->height_px}};
     l->select.do_optimize_extrinsics = true;
-    l->select.do_optimize_intrinsics_core = what >= TSUYA_MRCAL_CORE;
-    l->select.do_optimize_intrinsics_distortions = what == TSUYA_MRCAL_ALL;
-    vector_from_camera(l->intrinsics, &solve->camera);
+    select_intrinsics(&l->select, c, what);
+    vector_from_camera(l->intrinsics, c);
+    if (what == TSUYA_MRCAL_ALL && c->lens == TSUYA_LENS_SPLINED_STEREOGRAPHIC && solve->prior.width_px > 0) {
+        TSUYA_NEW(status, l->hold, (size_t)(c->spline.nx * c->spline.ny));
+        l->holds = tsuya_spline_holds(l->hold, &l->hold_sigma_px, &c->spline, &solve->prior);
+    }
+    l->poses = solve->view_count + (l->holds > 0);
+    l->points = 4 * solve->board->tag_count + l->holds;
+    l->observations = solve->observation_count + l->holds;
     TSUYA_NEW(status, l->pose, (size_t)l->poses);
     TSUYA_NEW(status, l->point, (size_t)l->points);
     TSUYA_NEW(status, l->seen, (size_t)l->observations);
@@ -124,9 +180,11 @@ static void keep_residuals(tsuya_solve *solve)
 static void keep_solution(tsuya_solve *solve, const layout *l, double squares)
 {
     camera_from_vector(&solve->camera, l->intrinsics);
-    for (int v = 0; v < l->poses; v++) {
-        const double *r = l->pose[v].r.xyz, *t = l->pose[v].t.xyz;
-        solve->view[v].camera_from_plate = (tsuya_pose){tsuya_mat3_from_rodrigues((tsuya_vec3){r[0], r[1], r[2]}), {t[0], t[1], t[2]}};
+    for (int v = 0; v < solve->view_count; v++) {
+        solve->view[v].camera_from_plate = pose_from_mrcal(&l->pose[v]);
+    }
+    if (l->holds) {
+        solve->camera_from_prior = pose_from_mrcal(&l->pose[solve->view_count]);
     }
     keep_residuals(solve);
     int freedom = 2 * (l->observations - solve->outliers) - l->states;
@@ -203,6 +261,15 @@ static bool well_determined(const cholmod_factor *factor, cholmod_common *common
     return common->status == CHOLMOD_OK && factor->minor == factor->n && cholmod_rcond((cholmod_factor *)factor, common) > 1e-13;
 }
 
+/* Of each state: how much one of mrcal's packed units is. */
+static void unit_scale(double *scale, const layout *l)
+{
+    for (int i = 0; i < l->states; i++) {
+        scale[i] = 1.0;
+    }
+    mrcal_unpack_solver_state_vector(scale, 1, l->poses, 0, l->points, l->points, l->select, &l->model);
+}
+
 tsuya_status tsuya_mrcal_covariance(double *intrinsics, double *pose, const tsuya_solve *solve, int view)
 {
     layout l;
@@ -218,16 +285,13 @@ tsuya_status tsuya_mrcal_covariance(double *intrinsics, double *pose, const tsuy
     TSUYA_NEW(status, scale, (size_t)l.states);
     TSUYA_NEW(status, x, (size_t)l.measurements);
     TSUYA_GOTO_DONE(status, jacobian(&jt, b, x, &l, &common));
-    for (int i = 0; i < l.states; i++) {
-        scale[i] = 1.0;
-    }
-    mrcal_unpack_solver_state_vector(scale, 1, l.poses, 0, l.points, l.points, l.select, &l.model);
+    unit_scale(scale, &l);
     factor = cholmod_analyze(jt, &common);
     if (!factor || !cholmod_factorize(jt, factor, &common) || !well_determined(factor, &common)) {
         status = tsuya_fail(TSUYA_ERROR_NUMERIC, "the photographs do not determine the camera: turn and tilt the board more");
         goto done;
     }
-    TSUYA_GOTO_DONE(status, inverse_block(intrinsics, 0, tsuya_lens_parameters(solve->camera.lens), &l, factor, scale, &common));
+    TSUYA_GOTO_DONE(status, inverse_block(intrinsics, 0, tsuya_lens_parameters(&solve->camera) - tsuya_lens_locked(&solve->camera), &l, factor, scale, &common));
     if (pose) {
         int first = mrcal_state_index_extrinsics(view, 1, l.poses, 0, l.points, l.points, 0, l.select, &l.model);
         TSUYA_GOTO_DONE(status, inverse_block(pose, first, 6, &l, factor, scale, &common));
@@ -243,14 +307,53 @@ done:
     return status;
 }
 
+tsuya_status tsuya_mrcal_regularization(double *h, double *slope, int stride, const tsuya_solve *solve)
+{
+    layout l;
+    cholmod_common common;
+    cholmod_sparse *jt = NULL;
+    double *b = NULL, *x = NULL, *scale = NULL;
+    tsuya_status status = TSUYA_OK;
+    if (solve->camera.lens != TSUYA_LENS_SPLINED_STEREOGRAPHIC) {
+        return TSUYA_OK;
+    }
+    TSUYA_TRY(layout_create(&l, solve, TSUYA_MRCAL_ALL));
+    cholmod_start(&common);
+    TSUYA_NEW(status, b, (size_t)l.states);
+    TSUYA_NEW(status, scale, (size_t)l.states);
+    TSUYA_NEW(status, x, (size_t)l.measurements);
+    TSUYA_GOTO_DONE(status, jacobian(&jt, b, x, &l, &common));
+    unit_scale(scale, &l);
+    const int *start = jt->p, *state = jt->i;
+    const double *value = jt->x;
+    for (int row = mrcal_measurement_index_regularization(0, l.observations, 0, 0); row >= 0 && row < l.measurements; row++) {
+        for (int i = start[row]; i < start[row + 1]; i++) {
+            double v = value[i] / scale[state[i]];
+            slope[state[i]] -= v * x[row];
+            for (int k = start[row]; k < start[row + 1]; k++) {
+                h[state[i] * stride + state[k]] += v * value[k] / scale[state[k]];
+            }
+        }
+    }
+done:
+    cholmod_free_sparse(&jt, &common);
+    cholmod_finish(&common);
+    tsuya_free(b);
+    tsuya_free(scale);
+    tsuya_free(x);
+    layout_free(&l);
+    return status;
+}
+
 bool tsuya_mrcal_project(tsuya_vec2 *pixel, double by_point[6], double *by_intrinsics, const tsuya_camera *camera, tsuya_vec3 p)
 {
-    mrcal_lensmodel_t model = model_of(camera->lens);
+    mrcal_lensmodel_t model = model_of(camera);
     mrcal_point3_t point = {.xyz = {p.x, p.y, p.z}}, gradient[2];
     mrcal_point2_t q;
     double v[TSUYA_INTRINSICS_MOST];
     vector_from_camera(v, camera);
-    if (!(p.z > 0.0) || !mrcal_project(&q, gradient, by_intrinsics, &point, 1, &model, v)) {
+    bool before = p.z > 0.0 || (camera->lens == TSUYA_LENS_SPLINED_STEREOGRAPHIC && tsuya_vec3_norm(p) + p.z > 0.0);
+    if (!before || !mrcal_project(&q, gradient, by_intrinsics, &point, 1, &model, v)) {
         return false;
     }
     memcpy(by_point, gradient, sizeof gradient);
@@ -281,8 +384,8 @@ static tsuya_status fill_board(tsuya_mrcal_board *b, const tsuya_solve *s)
 {
     const tsuya_board_plate *plate = &s->board->plate[0];
     tsuya_status status = TSUYA_OK;
-    *b = (tsuya_mrcal_board){.lens = s->camera.lens, .width_px = s->camera.width_px, .height_px = s->camera.height_px, .cols = 2 * plate->cols,
-                             .rows = 2 * plate->rows, .frames = s->view_count, .spacing_m = plate->tag_m, .intrinsics_count = tsuya_lens_parameters(s->camera.lens)};
+    *b = (tsuya_mrcal_board){.camera = s->camera, .cols = 2 * plate->cols, .rows = 2 * plate->rows, .frames = s->view_count, .spacing_m = plate->tag_m,
+                             .intrinsics_count = tsuya_lens_parameters(&s->camera)};
     size_t corners = (size_t)b->frames * (size_t)b->cols * (size_t)b->rows;
     double typical = INFINITY;
     vector_from_camera(b->intrinsics, &s->camera);
@@ -308,12 +411,12 @@ done:
 
 static tsuya_status optimize_board(double *rms_px, tsuya_mrcal_board *b, const mrcal_observation_board_t *seen, bool warp)
 {
-    mrcal_lensmodel_t model = model_of(b->lens);
-    mrcal_problem_selections_t select = {.do_optimize_intrinsics_core = true, .do_optimize_intrinsics_distortions = true, .do_optimize_extrinsics = true,
-                                         .do_optimize_frames = true, .do_optimize_calobject_warp = warp};
+    mrcal_lensmodel_t model = model_of(&b->camera);
+    mrcal_problem_selections_t select = {.do_optimize_extrinsics = true, .do_optimize_frames = true, .do_optimize_calobject_warp = warp};
+    select_intrinsics(&select, &b->camera, TSUYA_MRCAL_ALL);
     mrcal_problem_constants_t constants = {.point_min_range = 1e-6, .point_max_range = 1e9};
     mrcal_calobject_warp_t bend = {.values = {b->warp_m[0], b->warp_m[1]}};
-    int size[2] = {b->width_px, b->height_px}, states = mrcal_num_states(1, 0, b->frames, 0, 0, b->frames, select, &model);
+    int size[2] = {b->camera.width_px, b->camera.height_px}, states = mrcal_num_states(1, 0, b->frames, 0, 0, b->frames, select, &model);
     int rows = mrcal_num_measurements(b->frames, 0, b->cols, b->rows, 1, 0, b->frames, 0, 0, select, &model);
     double *packed = NULL, *x = NULL, squares = 0.0;
     tsuya_status status = TSUYA_OK;

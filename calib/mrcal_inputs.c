@@ -112,8 +112,8 @@ static void put_array(archive *z, const char *key, const char *type, const char 
 static void put_text(archive *z, const char *key, const char *text)
 {
     char type[16];
-    uint32_t wide[64] = {0};
-    size_t n = strlen(text) < 64 ? strlen(text) : 63;
+    uint32_t wide[TSUYA_LENS_NAME] = {0};
+    size_t n = strlen(text) < TSUYA_LENS_NAME ? strlen(text) : TSUYA_LENS_NAME - 1;
     for (size_t i = 0; i < n; i++) {
         wide[i] = (uint8_t)text[i];
     }
@@ -135,8 +135,8 @@ static void put_doubles(archive *z, const char *key, const char *shape, const do
 
 static tsuya_status put_inputs(archive *z, const tsuya_mrcal_board *b)
 {
-    char shape[64], lens[64];
-    int32_t size[2] = {b->width_px, b->height_px}, *index = tsuya_calloc(3 * (size_t)b->frames, sizeof *index);
+    char shape[64], lens[TSUYA_LENS_NAME];
+    int32_t size[2] = {b->camera.width_px, b->camera.height_px}, *index = tsuya_calloc(3 * (size_t)b->frames, sizeof *index);
     if (!index) {
         return TSUYA_ERROR_MEMORY;
     }
@@ -156,18 +156,21 @@ static tsuya_status put_inputs(archive *z, const tsuya_mrcal_board *b)
     put_array(z, "imagersizes", "<i4", "1, 2", size, sizeof size);
     put_doubles(z, "calobject_warp", "2,", b->warp_m, 2);
     put_doubles(z, "calibration_object_spacing", "", &b->spacing_m, 1);
-    snprintf(lens, sizeof lens, "LENSMODEL_%s", tsuya_lens_name(b->lens));
+    tsuya_cameramodel_lens(lens, &b->camera);
     put_text(z, "lensmodel", lens);
     static const char *const none[] = {"points", "observations_point", "indices_point_camintrinsics_camextrinsics"};
     for (size_t i = 0; i < sizeof none / sizeof none[0]; i++) {
         put_text(z, none[i], "");
     }
-    static const char *const yes[] = {"do_optimize_intrinsics_core", "do_optimize_intrinsics_distortions", "do_optimize_extrinsics", "do_optimize_frames",
+    bool splined = tsuya_lens_locked(&b->camera) > 0;
+    put_flag(z, "do_optimize_intrinsics_core", !splined);
+    put_flag(z, "do_apply_regularization", splined);
+    static const char *const yes[] = {"do_optimize_intrinsics_distortions", "do_optimize_extrinsics", "do_optimize_frames",
                                       "do_optimize_calobject_warp"};
     for (size_t i = 0; i < sizeof yes / sizeof yes[0]; i++) {
         put_flag(z, yes[i], true);
     }
-    static const char *const no[] = {"do_apply_outlier_rejection", "do_apply_regularization", "verbose"};
+    static const char *const no[] = {"do_apply_outlier_rejection", "verbose"};
     for (size_t i = 0; i < sizeof no / sizeof no[0]; i++) {
         put_flag(z, no[i], false);
     }

@@ -9,8 +9,7 @@
 #include "calib/solve.h"
 
 typedef struct tsuya_mrcal_board {
-    tsuya_lens lens;
-    int width_px, height_px;
+    tsuya_camera camera;        /* where the solve stood: its lens and size are the board's, too */
     int cols, rows, frames;     /* of corners */
     double spacing_m;
     int intrinsics_count;

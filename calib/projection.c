@@ -35,6 +35,17 @@ tsuya_vec2 tsuya_projection_pixel(const tsuya_projection_map *map, const tsuya_c
                         (double)(cell / map->cols) * (camera->height_px - 1) / (map->rows - 1)};
 }
 
+static int nearest(double at, int side_px, int n)
+{
+    int i = (int)rint(at * (n - 1.0) / (side_px - 1));
+    return i < 0 ? 0 : i < n ? i : n - 1;
+}
+
+int tsuya_projection_cell(const tsuya_projection_map *map, const tsuya_camera *camera, tsuya_vec2 pixel)
+{
+    return nearest(pixel.y, camera->height_px, map->rows) * map->cols + nearest(pixel.x, camera->width_px, map->cols);
+}
+
 /* The cells within one and a half of a pixel. */
 static void mark(tsuya_projection_map *map, int width_px, int height_px, double x_px, double y_px)
 {
@@ -188,9 +199,8 @@ tsuya_status tsuya_projection_difference(tsuya_projection_map *map, tsuya_pose *
     for (int cell = 0; cell < map->cols * map->rows; cell++) {
         tsuya_vec3 p;
         tsuya_vec2 q, want = tsuya_projection_pixel(map, a, cell);
-        double by_point[6];
         map->value[cell] = NAN;
-        if (cell_point(&p, map, a, cell, distance_m) && tsuya_mrcal_project(&q, by_point, NULL, b, tsuya_pose_apply(motion, p))) {
+        if (cell_point(&p, map, a, cell, distance_m) && tsuya_camera_project(b, tsuya_pose_apply(motion, p), &q)) {
             map->value[cell] = hypot(q.x - want.x, q.y - want.y);
         }
     }
@@ -239,16 +249,19 @@ static bool compensation(double *m, const tsuya_projection_map *map, const tsuya
     return solve_symmetric(h, m, free_motions, n);
 }
 
+/* √λ₁ of d C dᵀ (d: 2 × n). */
 static double worst_sigma(const double *d, const double *covariance, int n)
 {
     double s[3] = {0};
     for (int i = 0; i < n; i++) {
+        double x = 0.0, y = 0.0;
         for (int k = 0; k < n; k++) {
-            double c = covariance[i * n + k];
-            s[0] += d[i] * c * d[k];
-            s[1] += d[i] * c * d[n + k];
-            s[2] += d[n + i] * c * d[n + k];
+            x += covariance[i * n + k] * d[k];
+            y += covariance[i * n + k] * d[n + k];
         }
+        s[0] += d[i] * x;
+        s[1] += d[i] * y;
+        s[2] += d[n + i] * y;
     }
     double middle = 0.5 * (s[0] + s[2]), half = 0.5 * (s[0] - s[2]);
     return sqrt(fmax(middle + hypot(half, s[1]), 0.0));
@@ -257,7 +270,7 @@ static double worst_sigma(const double *d, const double *covariance, int n)
 tsuya_status tsuya_projection_uncertainty(tsuya_projection_map *map, const tsuya_camera *camera, const double *covariance, double distance_m)
 {
     double m[MOTION * TSUYA_INTRINSICS_MOST];
-    int n = tsuya_lens_parameters(camera->lens);
+    int n = tsuya_lens_parameters(camera);
     if (!compensation(m, map, camera, distance_m, n)) {
         return tsuya_fail(TSUYA_ERROR_NUMERIC, "too little of the image is covered to state an uncertainty");
     }
@@ -277,6 +290,29 @@ tsuya_status tsuya_projection_uncertainty(tsuya_projection_map *map, const tsuya
         map->value[cell] = worst_sigma(d, covariance, n);
     }
     return TSUYA_OK;
+}
+
+/* Of a splined lens: how pixels grow with the angle along x at its axis. */
+double tsuya_projection_focal(double *sigma_px, const tsuya_camera *camera, const double *covariance)
+{
+    static const double angle = 1e-3;
+    int n = tsuya_lens_parameters(camera);
+    double by[2][2 * TSUYA_INTRINSICS_MOST], by_point[6], variance = 0.0;
+    tsuya_vec2 q[2] = {{0}};
+    if (camera->lens != TSUYA_LENS_SPLINED_STEREOGRAPHIC) {
+        *sigma_px = sqrt(covariance[0]);
+        return camera->fx_px;
+    }
+    for (int k = 0; k < 2; k++) {
+        (void)tsuya_mrcal_project(&q[k], by_point, by[k], camera, (tsuya_vec3){k ? sin(angle) : -sin(angle), 0.0, cos(angle)});
+    }
+    for (int i = 0; i < n; i++) {
+        for (int k = 0; k < n; k++) {
+            variance += (by[1][i] - by[0][i]) * covariance[i * n + k] * (by[1][k] - by[0][k]);
+        }
+    }
+    *sigma_px = sqrt(variance) / (2.0 * angle);
+    return (q[1].x - q[0].x) / (2.0 * angle);
 }
 
 static int compare_numbers(const void *pa, const void *pb)

@@ -23,6 +23,7 @@ TSUYA_API void tsuya_projection_cover(tsuya_projection_map *map, const tsuya_sol
 /* The same for corners of a file, and for a disc of a third of the image's shorter side around its middle. */
 TSUYA_API void tsuya_projection_cover_corners(tsuya_projection_map *map, const tsuya_corner_set *corners, int width_px, int height_px);
 TSUYA_API void tsuya_projection_cover_middle(tsuya_projection_map *map, int width_px, int height_px);
+TSUYA_API int tsuya_projection_cell(const tsuya_projection_map *map, const tsuya_camera *camera, tsuya_vec2 pixel); /* the nearest */
 TSUYA_API tsuya_vec2 tsuya_projection_pixel(const tsuya_projection_map *map, const tsuya_camera *camera, int cell);
 
 /* |b's pixel − a's pixel| of points at a distance (INFINITY: directions), the best motion taken out.  `b_from_a` may be NULL. */
@@ -31,6 +32,9 @@ TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_projection_difference(tsuya_projec
 /* One sigma in the worst direction, from the covariance of the intrinsics (n × n). */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_projection_uncertainty(tsuya_projection_map *map, const tsuya_camera *camera,
                                                                      const double *covariance, double distance_m);
+
+/* The focal length in the middle along x, and its sigma (n × n covariance of the intrinsics). */
+TSUYA_API double tsuya_projection_focal(double *sigma_px, const tsuya_camera *camera, const double *covariance);
 
 typedef struct tsuya_projection_stats { double mean, p90, max; } tsuya_projection_stats;
 /* Over the covered cells. */

@@ -3,39 +3,41 @@
 #include "calib/covariance.h"
 #include "calib/mrcal_adapter.h"
 #include "calib/planar.h"
+#include "calib/spline.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_ROUNDS = 8, WEIGHT_ROUNDS = 4 };
-static const double OUTLIER_SIGMAS = 4.0, RAYLEIGH_MEDIAN = 1.17741;
+enum { MOST_ROUNDS = 8, WEIGHT_ROUNDS = 4, START_POINTS = 8 };
+static const double RAYLEIGH_MEDIAN = 1.17741, GOOD_START_PX = 1.0;
 
 typedef struct lens_entry { tsuya_lens lens; const char *name; int parameters; } lens_entry;
 static const lens_entry lenses[] = {
     {TSUYA_LENS_PINHOLE, "PINHOLE", 4}, {TSUYA_LENS_OPENCV4, "OPENCV4", 8}, {TSUYA_LENS_OPENCV5, "OPENCV5", 9},
-    {TSUYA_LENS_OPENCV8, "OPENCV8", 12}, {TSUYA_LENS_OPENCV12, "OPENCV12", 16},
+    {TSUYA_LENS_OPENCV8, "OPENCV8", 12}, {TSUYA_LENS_OPENCV12, "OPENCV12", 16}, {TSUYA_LENS_SPLINED_STEREOGRAPHIC, "SPLINED_STEREOGRAPHIC", 4},
 };
 enum { LENS_COUNT = sizeof lenses / sizeof lenses[0] };
 
-int tsuya_lens_parameters(tsuya_lens lens)
+/* COLMAP's smaller models are carried as OPENCV4. */
+static const lens_entry *entry_of(tsuya_lens lens)
 {
     for (int i = 0; i < LENS_COUNT; i++) {
         if (lenses[i].lens == lens) {
-            return lenses[i].parameters;
+            return &lenses[i];
         }
     }
-    return 8; /* COLMAP's smaller models are carried as OPENCV4 */
+    return &lenses[1];
 }
 
-const char *tsuya_lens_name(tsuya_lens lens)
+int tsuya_lens_parameters(const tsuya_camera *camera)
 {
-    for (int i = 0; i < LENS_COUNT; i++) {
-        if (lenses[i].lens == lens) {
-            return lenses[i].name;
-        }
-    }
-    return "OPENCV4";
+    bool splined = camera->lens == TSUYA_LENS_SPLINED_STEREOGRAPHIC;
+    return entry_of(camera->lens)->parameters + (splined ? 2 * camera->spline.nx * camera->spline.ny : 0);
 }
+
+int tsuya_lens_locked(const tsuya_camera *camera) { return camera->lens == TSUYA_LENS_SPLINED_STEREOGRAPHIC ? 4 : 0; }
+
+const char *tsuya_lens_name(tsuya_lens lens) { return entry_of(lens)->name; }
 
 bool tsuya_lens_from_name(tsuya_lens *lens, const char *name)
 {
@@ -195,35 +197,50 @@ typedef struct start_memory {
     tsuya_pose *pose;
 } start_memory;
 
-static tsuya_status try_focals(tsuya_solve *s, start_memory *m, const double *focal, int count)
+/* The best start so far, by its median residual. */
+typedef struct best_start {
+    tsuya_camera camera;
+    double residual_px;
+} best_start;
+
+static void take_start(best_start *best, start_memory *m, const tsuya_solve *s, double residual_px)
 {
-    tsuya_camera best = {0};
-    double best_residual = INFINITY;
+    *best = (best_start){s->camera, residual_px};
+    for (int v = 0; v < s->view_count; v++) {
+        m->pose[v] = s->view[v].camera_from_plate;
+    }
+}
+
+static void try_focals(best_start *best, tsuya_solve *s, start_memory *m, const double *focal, int count)
+{
     for (int k = 0; k < count; k++) {
-        if (!(focal[k] > 0.0) || best_residual < 1.0) {
+        if (!(focal[k] > 0.0) || best->residual_px < GOOD_START_PX) {
             continue;
         }
         set_poses(s, m->h, focal[k]);
-        if (short_solve(s) != TSUYA_OK) {
+        if (short_solve(s) == TSUYA_OK && typical_residual(s, m->scratch) < best->residual_px) {
+            take_start(best, m, s, typical_residual(s, m->scratch));
+        }
+    }
+}
+
+/* Wide lenses are nearer to a stereographic projection than to a pinhole.  A spline has more freedom than what it is held against. */
+static void try_stereographic(best_start *best, tsuya_solve *s, start_memory *m, const double *focal, int count)
+{
+    double lead = 0.5;
+    for (int k = 0; k < count && !(best->residual_px < GOOD_START_PX); k++) {
+        tsuya_camera plain;
+        if (!(focal[k] > 0.0) || tsuya_spline_plain(&plain, s->camera.width_px, s->camera.height_px, focal[k], START_POINTS) != TSUYA_OK
+            || tsuya_solve_poses(s, &plain) != TSUYA_OK || tsuya_mrcal_optimize(s, TSUYA_MRCAL_CORE) != TSUYA_OK
+            || tsuya_mrcal_optimize(s, TSUYA_MRCAL_ALL) != TSUYA_OK) {
             continue;
         }
         double residual = typical_residual(s, m->scratch);
-        if (residual < best_residual) {
-            best_residual = residual;
-            best = s->camera;
-            for (int v = 0; v < s->view_count; v++) {
-                m->pose[v] = s->view[v].camera_from_plate;
-            }
+        if (residual < lead * best->residual_px) {
+            take_start(best, m, s, residual);
+            lead = 1.0;
         }
     }
-    if (!isfinite(best_residual)) {
-        return tsuya_fail(TSUYA_ERROR_NUMERIC, "no focal length explains the corners: is the board file the board that was photographed?");
-    }
-    s->camera = best;
-    for (int v = 0; v < s->view_count; v++) {
-        s->view[v].camera_from_plate = m->pose[v];
-    }
-    return TSUYA_OK;
 }
 
 static void free_memory(start_memory *m)
@@ -259,8 +276,16 @@ tsuya_status tsuya_solve_start(tsuya_solve *s, double focal_px)
         }
         double zhang = tsuya_homography_focal(&certainty, m.h, m.weight, s->view_count, 0.5 * s->camera.width_px, 0.5 * s->camera.height_px);
         double focal[] = {focal_px, zhang > 0.2 * side && zhang < 20 * side ? zhang : 0.0, 1.0 * side, 0.6 * side, 1.7 * side, 3.0 * side, 0.4 * side};
+        best_start best = {.residual_px = INFINITY};
         even_weights(s);
-        status = try_focals(s, &m, focal, sizeof focal / sizeof focal[0]);
+        try_focals(&best, s, &m, focal, sizeof focal / sizeof focal[0]);
+        try_stereographic(&best, s, &m, focal, sizeof focal / sizeof focal[0]);
+        status = isfinite(best.residual_px) ? TSUYA_OK
+               : tsuya_fail(TSUYA_ERROR_NUMERIC, "no focal length explains the corners: is the board file the board that was photographed?");
+        s->camera = isfinite(best.residual_px) ? best.camera : s->camera;
+        for (int v = 0; v < s->view_count && status == TSUYA_OK; v++) {
+            s->view[v].camera_from_plate = m.pose[v];
+        }
     }
     free_memory(&m);
     return status;
@@ -347,7 +372,7 @@ static tsuya_status mark_outliers(int *changed, tsuya_solve *s)
     *changed = 0;
     for (int i = 0; i < s->observation_count; i++) {
         tsuya_solve_observation *o = &s->observation[i];
-        bool outlier = residual_norm(o) > OUTLIER_SIGMAS * scale * o->weight_sigma_px;
+        bool outlier = residual_norm(o) > TSUYA_OUTLIER_SIGMAS * scale * o->weight_sigma_px;
         *changed += outlier != o->outlier;
         o->outlier = outlier;
     }
@@ -389,13 +414,9 @@ tsuya_status tsuya_solve_again(tsuya_solve *s)
     return tsuya_mrcal_optimize(s, TSUYA_MRCAL_ALL);
 }
 
-tsuya_status tsuya_solve_lens(tsuya_solve *s, tsuya_lens lens)
+/* The rounds of a solve whose lens and start are set. */
+static tsuya_status settle(tsuya_solve *s)
 {
-    int old = tsuya_lens_parameters(s->camera.lens), now = tsuya_lens_parameters(lens);
-    for (int i = now < old ? now - 4 : old - 4; i < 12; i++) {
-        s->camera.distortion[i] = 0.0;
-    }
-    s->camera.lens = lens;
     for (int round = 0; round < MOST_ROUNDS; round++) {
         int changed;
         TSUYA_TRY(tsuya_mrcal_optimize(s, TSUYA_MRCAL_ALL));
@@ -411,4 +432,24 @@ tsuya_status tsuya_solve_lens(tsuya_solve *s, tsuya_lens lens)
         }
     }
     return tsuya_mrcal_optimize(s, TSUYA_MRCAL_ALL);
+}
+
+tsuya_status tsuya_solve_lens(tsuya_solve *s, tsuya_lens lens)
+{
+    int kept = entry_of(lens)->parameters < entry_of(s->camera.lens)->parameters ? entry_of(lens)->parameters : entry_of(s->camera.lens)->parameters;
+    for (int i = kept - 4; i < 12; i++) {
+        s->camera.distortion[i] = 0.0;
+    }
+    s->camera.spline = (tsuya_lens_spline){0};
+    s->camera.lens = lens;
+    s->prior = (tsuya_camera){0};
+    return settle(s);
+}
+
+tsuya_status tsuya_solve_splined(tsuya_solve *s, int nx)
+{
+    s->prior = s->camera;
+    s->camera_from_prior = tsuya_pose_identity();
+    TSUYA_TRY(tsuya_spline_fit(&s->camera, &s->prior, nx));
+    return settle(s);
 }

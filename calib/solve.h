@@ -17,7 +17,7 @@
 #include "calib/shape.h"
 #include "core/camera.h"
 
-enum { TSUYA_INTRINSICS_MOST = 16 };
+enum { TSUYA_INTRINSICS_MOST = 4 + 2 * TSUYA_SPLINE_MOST, TSUYA_OUTLIER_SIGMAS = 4 };
 
 typedef struct tsuya_solve_view {
     int photo, plate; /* photo: index in the corner set */
@@ -47,6 +47,8 @@ typedef struct tsuya_solve {
     double edge_bias;         /* edges lie this many blur widths too far out: what the tone curve and sharpening do */
     tsuya_plate_shape *shape; /* of each plate */
     bool bent;                /* bends are estimated; flat otherwise */
+    tsuya_camera prior;       /* of a splined lens: what it follows, loosely, where no corner holds it (calib/spline.h) */
+    tsuya_pose camera_from_prior; /* as poses absorb motions, so does this */
     double rms_px;            /* per coordinate, over what is no outlier */
     double variance;          /* of unit weight: 1 where sigmas are right */
     int outliers;
@@ -64,6 +66,8 @@ TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_solve_start(tsuya_solve *solve, do
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_solve_poses(tsuya_solve *solve, const tsuya_camera *camera);
 /* The whole solve for a lens, from a start or from a smaller lens' solution, with outliers and weights. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_solve_lens(tsuya_solve *solve, tsuya_lens lens);
+/* The same for a splined lens with nx control points along x (calib/spline.h), from a smaller lens' solution. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_solve_splined(tsuya_solve *solve, int nx);
 /* Camera, poses, edge bias and the plates' shapes from where the solve stands; weights and outliers stay. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_solve_again(tsuya_solve *solve);
 
@@ -72,8 +76,10 @@ static inline int tsuya_solve_shape_parameters(const tsuya_solve *solve) { retur
 /* A tag's corner in its plate's frame, as the solve sees it. */
 TSUYA_API tsuya_vec3 tsuya_solve_point(const tsuya_solve *solve, int tag, int corner);
 
-/* Intrinsics as one vector: fx fy cx cy, then the distortions of the lens. */
-TSUYA_API int tsuya_lens_parameters(tsuya_lens lens);
+/* Intrinsics as one vector: fx fy cx cy, then the distortions of the lens, or the control points of its spline.  How many, and how many of
+ * them, from the first, stay where they are (a spline does what its core could do). */
+TSUYA_API int tsuya_lens_parameters(const tsuya_camera *camera);
+TSUYA_API int tsuya_lens_locked(const tsuya_camera *camera);
 TSUYA_API const char *tsuya_lens_name(tsuya_lens lens); /* mrcal's, without "LENSMODEL_" */
 TSUYA_API bool tsuya_lens_from_name(tsuya_lens *lens, const char *name);
 

@@ -66,7 +66,7 @@ static void test_cholmod(void **state)
     corners_scene s = corners_scene_default();
     tsuya_calibration c;
     tsuya_covariance ours;
-    double theirs[TSUYA_INTRINSICS_MOST * TSUYA_INTRINSICS_MOST];
+    double theirs[16 * 16];
     assert_ok(run(&c, &s));
     assert_ok(tsuya_mrcal_covariance(theirs, NULL, &c.solve, 0));
     assert_ok(tsuya_covariance_estimate(&ours, &c.solve, false));
@@ -76,6 +76,35 @@ static void test_cholmod(void **state)
     }
     tsuya_covariance_free(&ours);
     tsuya_calibration_free(&c);
+}
+
+/* core's spline is mrcal's. */
+static void test_projection_is_mrcals(void **state)
+{
+    (void)state;
+    tsuya_camera k = {.lens = TSUYA_LENS_SPLINED_STEREOGRAPHIC, .width_px = 640, .height_px = 480, .fx_px = 300, .fy_px = 310, .cx_px = 322, .cy_px = 236,
+                      .spline = {.nx = 11, .ny = 9, .fov_x_deg = 130}};
+    for (int i = 0; i < 2 * 11 * 9; i++) {
+        k.spline.point[i] = 0.03 * (tsuya_random_uniform(3, 0, (uint64_t)i) - 0.5);
+    }
+    tsuya_vec2 reach = tsuya_lens_spline_reach(&k.spline);
+    int seen = 0;
+    for (int i = 0; i < 400; i++) {
+        tsuya_vec2 u = {2.4 * reach.x * (tsuya_random_uniform(4, 0, 2 * (uint64_t)i) - 0.5), 2.4 * reach.y * (tsuya_random_uniform(4, 0, 2 * (uint64_t)i + 1) - 0.5)}, ours, theirs;
+        tsuya_vec3 ray = tsuya_vec3_scale(tsuya_stereographic_ray(u), 1.7), back;
+        double by_point[6];
+        bool within = fabs(u.x) <= reach.x && fabs(u.y) <= reach.y;
+        assert_int_equal(tsuya_camera_project(&k, ray, &ours), within && ray.z > 0.0);
+        if (within && ray.z > 0.0) {
+            assert_true(tsuya_mrcal_project(&theirs, by_point, NULL, &k, ray));
+            assert_near(ours.x, theirs.x, 1e-9);
+            assert_near(ours.y, theirs.y, 1e-9);
+            assert_true(tsuya_camera_unproject(&k, ours, &back));
+            assert_near(tsuya_vec3_norm(tsuya_vec3_sub(back, tsuya_stereographic_ray(u))), 0.0, 1e-9);
+            seen++;
+        }
+    }
+    assert_true(seen > 150);
 }
 
 static void test_frontal(void **state)
@@ -201,7 +230,7 @@ static void test_compare(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_plain), cmocka_unit_test(test_cholmod), cmocka_unit_test(test_frontal), cmocka_unit_test(test_few),
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_plain), cmocka_unit_test(test_cholmod), cmocka_unit_test(test_projection_is_mrcals), cmocka_unit_test(test_frontal), cmocka_unit_test(test_few),
                                        cmocka_unit_test(test_edge_only), cmocka_unit_test(test_common_errors), cmocka_unit_test(test_bent),
                                        cmocka_unit_test(test_compare)};
     return cmocka_run_group_tests(tests, NULL, NULL);
