@@ -98,6 +98,7 @@ void tsuya_tag_detector_free(tsuya_tag_detector *detector)
     tsuya_free(detector);
 }
 
+void tsuya_tag_detector_decimate(tsuya_tag_detector *detector, double decimate) { detector->library->quad_decimate = (float)decimate; }
 int tsuya_tag_detector_codes(const tsuya_tag_detector *detector) { return (int)detector->family->ncodes; }
 int tsuya_tag_detector_cells(const tsuya_tag_detector *detector) { return detector->family->width_at_border; }
 

@@ -23,10 +23,12 @@ typedef struct tsuya_tag_detector_options {
     double decimate; /* 1: quads are looked for at full resolution */
 } tsuya_tag_detector_options;
 
-/* One detector serves one thread.  Fails on unknown families. */
+/* One detector serves one thread, and many images: making one takes as long as looking through a megapixel.  Fails on unknown families. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_tag_detector_create(tsuya_tag_detector **detector,
                                                                   const tsuya_tag_detector_options *options);
 TSUYA_API void tsuya_tag_detector_free(tsuya_tag_detector *detector);
+/* From the next image on. */
+TSUYA_API void tsuya_tag_detector_decimate(tsuya_tag_detector *detector, double decimate);
 /* Codes of the family. */
 TSUYA_API int tsuya_tag_detector_codes(const tsuya_tag_detector *detector);
 /* Edge of the tag in code cells (the black square's). */

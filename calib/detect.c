@@ -123,12 +123,14 @@ typedef struct found {
     int count, cells;
     tsuya_image grey; /* float */
     tsuya_detect_counts rejected;
+    double seconds;
 } found;
 
 static void found_free(found *f)
 {
     tsuya_free(f->seen);
     tsuya_image_free(&f->grey);
+    *f = (found){0};
 }
 
 static tsuya_status keep_trusted(found *f, const tsuya_board *board)
@@ -152,24 +154,40 @@ static tsuya_status keep_trusted(found *f, const tsuya_board *board)
     return kept ? TSUYA_OK : TSUYA_ERROR_MEMORY;
 }
 
-static tsuya_status find_tags(found *f, const tsuya_board *board, const tsuya_image *image)
+static tsuya_status make_detector(tsuya_tag_detector **detector, const tsuya_board *board)
 {
-    tsuya_tag_detector *detector = NULL;
+    return tsuya_tag_detector_create(detector, &(tsuya_tag_detector_options){board->family, board->border_bits, 1.0});
+}
+
+/* What the image shows of the board, before refinement; `f` is empty. */
+static tsuya_status look(found *f, tsuya_tag_detector *detector, const tsuya_board *board, const tsuya_image *image)
+{
     tsuya_image grey8 = {0};
-    tsuya_tag_detector_options options = {board->family, board->border_bits, (double)image->width_px * image->height_px > DECIMATE_FROM_PX ? 2.0 : 1.0};
     tsuya_status status;
-    *f = (found){0};
-    TSUYA_GOTO_DONE(status, tsuya_tag_detector_create(&detector, &options));
-    f->cells = tsuya_tag_detector_cells(detector);
+    tsuya_tag_detector_decimate(detector, (double)image->width_px * image->height_px > DECIMATE_FROM_PX ? 2.0 : 1.0);
     TSUYA_GOTO_DONE(status, tsuya_image_grey(&grey8, image, TSUYA_SAMPLE_U8));
     TSUYA_GOTO_DONE(status, tsuya_tag_detect(&f->seen, &f->count, detector, &grey8));
     tsuya_image_free(&grey8);
     TSUYA_GOTO_DONE(status, keep_trusted(f, board));
-    TSUYA_GOTO_DONE(status, tsuya_image_grey(&f->grey, image, TSUYA_SAMPLE_F32));
     TSUYA_GOTO_DONE(status, tsuya_guided_search(f->seen, &f->count, board, &f->grey));
 done:
     tsuya_image_free(&grey8);
-    tsuya_tag_detector_free(detector);
+    return status;
+}
+
+/* `before`: what a first look at the same image found, or NULL; it is taken over. */
+static tsuya_status find_tags(found *f, found *before, tsuya_tag_detector *detector, const tsuya_board *board, const tsuya_image *image)
+{
+    *f = (found){.cells = tsuya_tag_detector_cells(detector)};
+    tsuya_status status = tsuya_image_grey(&f->grey, image, TSUYA_SAMPLE_F32);
+    if (status == TSUYA_OK && before && before->seen) {
+        f->seen = before->seen;
+        f->count = before->count;
+        f->rejected = before->rejected;
+        *before = (found){0};
+    } else if (status == TSUYA_OK) {
+        status = look(f, detector, board, image);
+    }
     if (status != TSUYA_OK) {
         found_free(f);
     }
@@ -232,13 +250,13 @@ static tsuya_status refine(tsuya_corner_set *corners, tsuya_detect_report *repor
     return status;
 }
 
-tsuya_status tsuya_detect_image(tsuya_corner_set *corners, tsuya_detect_report *report, const tsuya_board *board, const tsuya_image *image,
-                                int photo, double gamma)
+static tsuya_status detect_image(tsuya_corner_set *corners, tsuya_detect_report *report, tsuya_tag_detector *detector, found *before, const tsuya_board *board,
+                                 const tsuya_image *image, int photo, double gamma)
 {
     found f;
     double start_s = tsuya_clock_s();
     *report = (tsuya_detect_report){0};
-    TSUYA_TRY(find_tags(&f, board, image));
+    TSUYA_TRY(find_tags(&f, before, detector, board, image));
     if (gamma <= 0.0) {
         tsuya_refine_tone tone = tsuya_refine_estimate_tone(&f.grey, f.seen, f.count, f.cells, board->border_bits);
         gamma = tsuya_refine_common_tone(&tone, 1);
@@ -246,6 +264,16 @@ tsuya_status tsuya_detect_image(tsuya_corner_set *corners, tsuya_detect_report *
     tsuya_status status = refine(corners, report, &f, board, photo, gamma);
     found_free(&f);
     report->seconds = tsuya_clock_s() - start_s;
+    return status;
+}
+
+tsuya_status tsuya_detect_image(tsuya_corner_set *corners, tsuya_detect_report *report, const tsuya_board *board, const tsuya_image *image,
+                                int photo, double gamma)
+{
+    tsuya_tag_detector *detector;
+    TSUYA_TRY(make_detector(&detector, board));
+    tsuya_status status = detect_image(corners, report, detector, NULL, board, image, photo, gamma);
+    tsuya_tag_detector_free(detector);
     return status;
 }
 
@@ -258,8 +286,37 @@ typedef struct work {
     tsuya_detect_report *report;
     int *width_px, *height_px;
     double *read_s;
+    found *first;                  /* one a photograph: what the look for the tone found, without its image */
+    tsuya_tag_detector **detector; /* one a thread, made when it is needed */
+    int threads;
     double gamma;
 } work;
+
+static void work_free(work *w)
+{
+    for (int i = 0; w->part && i < w->count; i++) {
+        tsuya_corner_set_free(&w->part[i]);
+    }
+    for (int i = 0; w->first && i < w->count; i++) {
+        found_free(&w->first[i]);
+    }
+    for (int t = 0; w->detector && t < w->threads; t++) {
+        tsuya_tag_detector_free(w->detector[t]);
+    }
+    tsuya_free(w->first);
+    tsuya_free(w->detector);
+    tsuya_free(w->part);
+    tsuya_free(w->width_px);
+    tsuya_free(w->read_s);
+}
+
+static tsuya_status my_detector(tsuya_tag_detector **detector, work *w)
+{
+    tsuya_tag_detector **mine = &w->detector[omp_get_thread_num()];
+    tsuya_status status = *mine ? TSUYA_OK : make_detector(mine, w->board);
+    *detector = *mine;
+    return status;
+}
 
 static tsuya_status load(tsuya_image *image, work *w, int i)
 {
@@ -275,14 +332,18 @@ static tsuya_status load(tsuya_image *image, work *w, int i)
 static tsuya_status one_tone(tsuya_refine_tone *tone, work *w, int i)
 {
     tsuya_image image;
-    found f;
+    found *f = &w->first[i];
+    tsuya_tag_detector *detector;
+    TSUYA_TRY(my_detector(&detector, w));
     TSUYA_TRY(load(&image, w, i));
-    tsuya_status status = find_tags(&f, w->board, &image);
+    double start_s = tsuya_clock_s();
+    tsuya_status status = find_tags(f, NULL, detector, w->board, &image);
     tsuya_image_free(&image);
     if (status == TSUYA_OK) {
-        *tone = tsuya_refine_estimate_tone(&f.grey, f.seen, f.count, f.cells, w->board->border_bits);
-        found_free(&f);
+        *tone = tsuya_refine_estimate_tone(&f->grey, f->seen, f->count, f->cells, w->board->border_bits);
+        tsuya_image_free(&f->grey);
     }
+    f->seconds = tsuya_clock_s() - start_s;
     return status;
 }
 
@@ -308,8 +369,12 @@ static tsuya_status find_gamma(work *w, const tsuya_context *context)
 static tsuya_status one_photo(work *w, int i)
 {
     tsuya_image image;
+    tsuya_tag_detector *detector;
+    double earlier_s = w->first[i].seconds;
+    TSUYA_TRY(my_detector(&detector, w));
     TSUYA_TRY(load(&image, w, i));
-    tsuya_status status = tsuya_detect_image(&w->part[i], &w->report[i], w->board, &image, i, w->gamma);
+    tsuya_status status = detect_image(&w->part[i], &w->report[i], detector, &w->first[i], w->board, &image, i, w->gamma);
+    w->report[i].seconds += earlier_s;
     tsuya_image_free(&image);
     return status;
 }
@@ -381,7 +446,7 @@ static tsuya_status gather(tsuya_corner_set *corners, tsuya_detect_info *info, c
 tsuya_status tsuya_detect_photos(tsuya_corner_set *corners, tsuya_detect_info *info, const tsuya_board *board, const char *const *paths, int count,
                                  const tsuya_context *context)
 {
-    work w = {.board = board, .count = count};
+    work w = {.board = board, .count = count, .threads = context->threads};
     tsuya_status status = TSUYA_OK;
     const char **sorted = NULL;
     *corners = (tsuya_corner_set){0};
@@ -394,6 +459,8 @@ tsuya_status tsuya_detect_photos(tsuya_corner_set *corners, tsuya_detect_info *i
     TSUYA_NEW(status, info->report, (size_t)count);
     TSUYA_NEW(status, w.width_px, 2 * (size_t)count);
     TSUYA_NEW(status, w.read_s, (size_t)count);
+    TSUYA_NEW(status, w.first, (size_t)count);
+    TSUYA_NEW(status, w.detector, (size_t)w.threads);
     memcpy(sorted, paths, (size_t)count * sizeof *sorted);
     qsort(sorted, (size_t)count, sizeof *sorted, compare_paths);
     w.paths = sorted;
@@ -405,12 +472,7 @@ tsuya_status tsuya_detect_photos(tsuya_corner_set *corners, tsuya_detect_info *i
     info->gamma = w.gamma;
     TSUYA_GOTO_DONE(status, gather(corners, info, &w));
 done:
-    for (int i = 0; w.part && i < count; i++) {
-        tsuya_corner_set_free(&w.part[i]);
-    }
-    tsuya_free(w.part);
-    tsuya_free(w.width_px);
-    tsuya_free(w.read_s);
+    work_free(&w);
     tsuya_free(sorted);
     if (status != TSUYA_OK) {
         tsuya_corner_set_free(corners);

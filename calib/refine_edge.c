@@ -1,19 +1,13 @@
 #include "calib/refine_edge.h"
 
-#include <pthread.h>
+#include "calib/refine_kernel.h"
+
 #include <string.h>
 
-enum { MOST_PIXELS = 8192, MOST_ITERATIONS = 12, FEWEST_PIXELS = 24 };
+enum { MOST_ITERATIONS = 12, FEWEST_PIXELS = 24 };
 
-/* Black levels are kept from 0, where the tone curve is infinitely steep; noise of 8-bit rounding. */
+/* Black levels are kept from 0; noise of 8-bit rounding. */
 static const double DARKEST = 1e-4, ROUNDING = 1.0 / (12.0 * 255.0 * 255.0);
-
-typedef struct pixel { float u, depth, grey; } pixel;
-
-typedef struct strip {
-    pixel pixel[MOST_PIXELS];
-    int count;
-} strip;
 
 void tsuya_edge_place(tsuya_edge *edge, tsuya_vec2 from, tsuya_vec2 to)
 {
@@ -23,11 +17,6 @@ void tsuya_edge_place(tsuya_edge *edge, tsuya_vec2 from, tsuya_vec2 to)
         edge->tangent = (tsuya_vec2){dx / length, dy / length};
         edge->inward = (tsuya_vec2){dy / length, -dx / length};
     }
-}
-
-static double depth_of(const tsuya_edge *edge, double x, double y)
-{
-    return (x - edge->middle.x) * edge->inward.x + (y - edge->middle.y) * edge->inward.y;
 }
 
 static double bend(double u) { return u * u - 1.0 / 3.0; }
@@ -42,50 +31,66 @@ tsuya_vec2 tsuya_edge_point(const tsuya_edge *edge, double u, tsuya_vec2 *deriva
                         edge->middle.y + h * u * edge->tangent.y + f * edge->inward.y};
 }
 
-/* A pixel counts when it lies in the strip and stays clear of the neighbouring edges. */
-static void take_pixel(strip *s, const tsuya_edge *edge, const tsuya_image *grey, const tsuya_edge *before, const tsuya_edge *after,
-                       int x, int y, const double reach[2], double margin)
+/* Places where c + cx x + cy y ≥ 0. */
+typedef struct half_plane { double c, cx, cy; } half_plane;
+
+/* Where n · (p − at) ≥ least. */
+static half_plane beyond(tsuya_vec2 n, tsuya_vec2 at, double least) { return (half_plane){-n.x * at.x - n.y * at.y - least, n.x, n.y}; }
+
+static tsuya_vec2 opposite(tsuya_vec2 v) { return (tsuya_vec2){-v.x, -v.y}; }
+
+/* Pixels of one row. */
+static void take_row(tsuya_edge_pixels *s, const tsuya_edge *edge, const tsuya_image *grey, int y, int first, int last)
 {
-    double depth = depth_of(edge, x, y);
-    if (depth > reach[0] || depth < -reach[1] || s->count == MOST_PIXELS || depth_of(before, x, y) < margin || depth_of(after, x, y) < margin) {
-        return;
+    const float *row = tsuya_image_f32(grey, 0, y);
+    double dx = first - edge->middle.x, dy = y - edge->middle.y, by_length = 1.0 / edge->half_length_px;
+    double u = (dx * edge->tangent.x + dy * edge->tangent.y) * by_length, depth = dx * edge->inward.x + dy * edge->inward.y;
+    int n = last - first + 1 < TSUYA_EDGE_MOST_PIXELS - s->count ? last - first + 1 : TSUYA_EDGE_MOST_PIXELS - s->count;
+    float *at_u = s->u + s->count, *at_depth = s->depth + s->count, *at_grey = s->grey + s->count;
+    for (int i = 0; i < n; i++) {
+        at_u[i] = (float)(u + i * edge->tangent.x * by_length);
+        at_depth[i] = (float)(depth + i * edge->inward.x);
+        at_grey[i] = row[first + i];
     }
-    double u = ((x - edge->middle.x) * edge->tangent.x + (y - edge->middle.y) * edge->tangent.y) / edge->half_length_px;
-    if (fabs(u) * edge->half_length_px > edge->half_length_px - margin) {
-        return;
-    }
-    s->pixel[s->count++] = (pixel){(float)u, (float)depth, *tsuya_image_f32(grey, x, y)};
+    s->count += n;
 }
 
-/* Walks along the axis that the edge is nearer to. */
-static void gather(strip *s, const tsuya_edge *edge, const tsuya_image *grey, const tsuya_edge *before, const tsuya_edge *after,
+/* Pixels count when they lie in the strip, clear of the neighbouring edges: in a row, from one place to another. */
+static void gather(tsuya_edge_pixels *s, const tsuya_edge *edge, const tsuya_image *grey, const tsuya_edge *before, const tsuya_edge *after,
                    const double reach[2], double margin)
 {
-    bool along_x = fabs(edge->tangent.x) >= fabs(edge->tangent.y);
-    double t_along = along_x ? edge->tangent.x : edge->tangent.y, t_across = along_x ? edge->tangent.y : edge->tangent.x;
-    double m_along = along_x ? edge->middle.x : edge->middle.y, m_across = along_x ? edge->middle.y : edge->middle.x;
-    int along_size = along_x ? grey->width_px : grey->height_px, across_size = along_x ? grey->height_px : grey->width_px;
-    double wide = fmax(reach[0], reach[1]), spread = wide / fmax(fabs(t_along), 1e-6);
-    double half = edge->half_length_px * fabs(t_along) + wide * fabs(t_across);
-    int first = (int)fmax(0.0, ceil(m_along - half)), last = (int)fmin(along_size - 1.0, floor(m_along + half));
+    double along = edge->half_length_px - margin, wide = fmax(reach[0], reach[1]);
+    const half_plane strip[] = {beyond(edge->inward, edge->middle, -reach[1]), beyond(opposite(edge->inward), edge->middle, -reach[0]),
+                                beyond(edge->tangent, edge->middle, -along), beyond(opposite(edge->tangent), edge->middle, -along),
+                                beyond(before->inward, before->middle, margin), beyond(after->inward, after->middle, margin)};
+    double half = along * fabs(edge->tangent.y) + wide * fabs(edge->inward.y);
+    int first = (int)fmax(0.0, ceil(edge->middle.y - half)), last = (int)fmin(grey->height_px - 1.0, floor(edge->middle.y + half));
     s->count = 0;
-    for (int a = first; a <= last; a++) {
-        double center = m_across + (a - m_along) * t_across / t_along;
-        int low = (int)fmax(0.0, ceil(center - spread)), high = (int)fmin(across_size - 1.0, floor(center + spread));
-        for (int b = low; b <= high; b++) {
-            take_pixel(s, edge, grey, before, after, along_x ? a : b, along_x ? b : a, reach, margin);
+    for (int y = first; y <= last; y++) {
+        double low = 0.0, high = grey->width_px - 1.0;
+        for (int k = 0; k < 6; k++) {
+            double at = strip[k].c + strip[k].cy * y;
+            if (fabs(strip[k].cx) > 1e-9) {
+                low = strip[k].cx > 0.0 ? fmax(low, -at / strip[k].cx) : low;
+                high = strip[k].cx < 0.0 ? fmin(high, -at / strip[k].cx) : high;
+            } else if (at < 0.0) {
+                high = -1.0;
+            }
+        }
+        if (ceil(low) <= floor(high)) {
+            take_row(s, edge, grey, y, (int)ceil(low), (int)floor(high));
         }
     }
 }
 
 /* Levels of the two sides as the first guess; signed contrast, so that a family with a white rim works the same. */
-static bool start(double p[EDGE_PARAMETERS], const strip *s, double blur)
+static bool start(double p[EDGE_PARAMETERS], const tsuya_edge_pixels *s, double blur)
 {
     double sum[2] = {0}, count[2] = {0};
     for (int i = 0; i < s->count; i++) {
-        double d = (double)s->pixel[i].depth;
+        double d = (double)s->depth[i];
         if (fabs(d) > 0.5) {
-            sum[d > 0.0] += (double)s->pixel[i].grey;
+            sum[d > 0.0] += (double)s->grey[i];
             count[d > 0.0] += 1.0;
         }
     }
@@ -99,82 +104,6 @@ static bool start(double p[EDGE_PARAMETERS], const strip *s, double blur)
     p[EDGE_BLACK] = pow(fmax(sum[1] / count[1], DARKEST), tone);
     p[EDGE_TONE] = tone;
     return true;
-}
-
-/* The normal distribution and its density in steps of 1/64, between them by their own slopes (cubic Hermite: within 2e-10).  The
- * library's erfc and exp took most of the fit's time. */
-enum { NORMAL_STEPS = 64, NORMAL_REACH = 6, NORMAL_COUNT = 2 * NORMAL_REACH * NORMAL_STEPS + 1 };
-static double normal_table[NORMAL_COUNT][2];
-static pthread_once_t normal_made = PTHREAD_ONCE_INIT;
-
-static void make_normal(void)
-{
-    for (int i = 0; i < NORMAL_COUNT; i++) {
-        double z = (double)i / NORMAL_STEPS - NORMAL_REACH;
-        normal_table[i][0] = 0.5 * erfc(-z * M_SQRT1_2);
-        normal_table[i][1] = 0.3989422804014327 * exp(-0.5 * z * z);
-    }
-}
-
-static inline void normal_at(double *share, double *density, double z)
-{
-    double t = (z + NORMAL_REACH) * NORMAL_STEPS;
-    if (!(t > 0.0) || !(t < NORMAL_COUNT - 1)) {
-        *share = z > 0.0 ? 1.0 : 0.0;
-        *density = 0.0;
-        return;
-    }
-    int i = (int)t;
-    double s = t - i, h = 1.0 / NORMAL_STEPS, z0 = (double)i * h - NORMAL_REACH;
-    const double *a = normal_table[i], *b = normal_table[i + 1];
-    double s2 = s * s, s3 = s2 * s, b0 = 1.0 - 3.0 * s2 + 2.0 * s3, b1 = 3.0 * s2 - 2.0 * s3, d0 = h * (s - 2.0 * s2 + s3), d1 = h * (s3 - s2);
-    *share = b0 * a[0] + b1 * b[0] + d0 * a[1] + d1 * b[1];
-    *density = b0 * a[1] + b1 * b[1] - d0 * z0 * a[1] - d1 * (z0 + h) * b[1];
-}
-
-/* Residual and gradient of one pixel; the tone's part where it is asked for. */
-static inline double evaluate(double g[EDGE_PARAMETERS], const double p[EDGE_PARAMETERS], const pixel *q, bool with_tone)
-{
-    double u = (double)q->u, b = bend(u);
-    double z = (p[EDGE_OFFSET] + p[EDGE_SLOPE] * u + p[EDGE_BOW] * b - (double)q->depth) / p[EDGE_BLUR];
-    double share, density;
-    normal_at(&share, &density, z);
-    double black = p[EDGE_BLACK] + p[EDGE_BLACK_SLOPE] * u, contrast = p[EDGE_WHITE] + p[EDGE_WHITE_SLOPE] * u - black;
-    double light = fmax(black + contrast * share, DARKEST), tone = p[EDGE_TONE], value = light, rise = 1.0;
-    double logarithm = with_tone || tone != 1.0 ? log(light) : 0.0;
-    if (tone != 1.0) {
-        value = exp(logarithm / tone);
-        rise = value / (tone * light);
-    }
-    double by_offset = rise * contrast * density / p[EDGE_BLUR];
-    g[EDGE_OFFSET] = by_offset;
-    g[EDGE_SLOPE] = by_offset * u;
-    g[EDGE_BOW] = by_offset * b;
-    g[EDGE_BLUR] = -by_offset * z;
-    g[EDGE_WHITE] = rise * share;
-    g[EDGE_WHITE_SLOPE] = rise * share * u;
-    g[EDGE_BLACK] = rise * (1.0 - share);
-    g[EDGE_BLACK_SLOPE] = rise * (1.0 - share) * u;
-    g[EDGE_TONE] = -value * logarithm / (tone * tone);
-    return (double)q->grey - value;
-}
-
-typedef struct normal { double h[EDGE_PARAMETERS][EDGE_PARAMETERS], g[EDGE_PARAMETERS], squares; } normal;
-
-static void accumulate(normal *n, const double p[EDGE_PARAMETERS], const strip *s, bool with_tone)
-{
-    int size = with_tone ? EDGE_PARAMETERS : EDGE_TONE;
-    memset(n, 0, sizeof *n);
-    for (int i = 0; i < s->count; i++) {
-        double g[EDGE_PARAMETERS], r = evaluate(g, p, &s->pixel[i], with_tone);
-        n->squares += r * r;
-        for (int a = 0; a < size; a++) {
-            n->g[a] += g[a] * r;
-            for (int b = 0; b <= a; b++) {
-                n->h[a][b] += g[a] * g[b];
-            }
-        }
-    }
 }
 
 /* Cholesky in place of the leading `size` rows; false where it is not positive definite. */
@@ -218,7 +147,7 @@ static void solve(double x[EDGE_PARAMETERS], double h[EDGE_PARAMETERS][EDGE_PARA
 static double limited(double step, double most) { return step > most ? most : step < -most ? -most : step; }
 
 /* Lenses bend an edge by some thousandths of its length: a prior that matters on short and faint edges only. */
-static void add_bow_prior(normal *n, const tsuya_edge *edge, double variance)
+static void add_bow_prior(tsuya_edge_normal *n, const tsuya_edge *edge, double variance)
 {
     double sigma = 0.005 * edge->half_length_px;
     n->h[EDGE_BOW][EDGE_BOW] += variance / (sigma * sigma);
@@ -226,14 +155,14 @@ static void add_bow_prior(normal *n, const tsuya_edge *edge, double variance)
 }
 
 /* Gauss–Newton; true when the steps have become small. */
-static bool iterate(tsuya_edge *edge, const strip *s, normal *last, double *variance, bool with_tone)
+static bool iterate(tsuya_edge *edge, tsuya_edge_pixels *s, tsuya_edge_normal *last, double *variance, bool with_tone)
 {
     double *p = edge->p, moved = INFINITY;
     for (int i = 0; i < MOST_ITERATIONS; i++) {
-        accumulate(last, p, s, with_tone);
+        tsuya_edge_normal_sum(last, p, s, with_tone);
         *variance = fmax(last->squares / (s->count - EDGE_TONE), ROUNDING);
         add_bow_prior(last, edge, *variance);
-        normal work = *last;
+        tsuya_edge_normal work = *last;
         double step[EDGE_PARAMETERS];
         memcpy(step, last->g, sizeof step);
         if (!factor(work.h, EDGE_TONE)) {
@@ -253,9 +182,9 @@ static bool iterate(tsuya_edge *edge, const strip *s, normal *last, double *vari
     return moved < 0.02;
 }
 
-static void keep_covariance(tsuya_edge *edge, const normal *n, double variance)
+static void keep_covariance(tsuya_edge *edge, const tsuya_edge_normal *n, double variance)
 {
-    normal work = *n;
+    tsuya_edge_normal work = *n;
     if (!factor(work.h, EDGE_TONE)) {
         edge->reason = TSUYA_REFINE_UNLIKE;
         return;
@@ -271,9 +200,9 @@ static void keep_covariance(tsuya_edge *edge, const normal *n, double variance)
 }
 
 /* The tone's part of a Gauss–Newton step in which it were free too. */
-static void keep_tone_step(tsuya_edge *edge, const normal *n, double variance)
+static void keep_tone_step(tsuya_edge *edge, const tsuya_edge_normal *n, double variance)
 {
-    normal work = *n;
+    tsuya_edge_normal work = *n;
     double step[EDGE_PARAMETERS], column[EDGE_PARAMETERS] = {0};
     edge->tone_variance = INFINITY;
     if (factor(work.h, EDGE_PARAMETERS)) {
@@ -303,8 +232,7 @@ static tsuya_refine_reason judge(const tsuya_edge *edge, double noise, double st
 void tsuya_edge_fit(tsuya_edge *edge, const tsuya_image *grey, const tsuya_edge *before, const tsuya_edge *after, double inner_px,
                     double outer_px, double tone, bool learn_tone)
 {
-    strip s;
-    pthread_once(&normal_made, make_normal);
+    tsuya_edge_pixels s;
     double blur = edge->p[EDGE_BLUR] > 0.0 ? edge->p[EDGE_BLUR] : 0.8;
     edge->p[EDGE_TONE] = tone;
     /* Between tag and code, and between tag and neighbour, only what one transition reaches. */
@@ -317,7 +245,7 @@ void tsuya_edge_fit(tsuya_edge *edge, const tsuya_image *grey, const tsuya_edge 
         edge->reason = TSUYA_REFINE_OUTSIDE;
         return;
     }
-    normal last;
+    tsuya_edge_normal last;
     double variance = 0.0, contrast = fabs(pow(edge->p[EDGE_WHITE], 1.0 / tone) - pow(edge->p[EDGE_BLACK], 1.0 / tone));
     if (!iterate(edge, &s, &last, &variance, learn_tone)) {
         edge->reason = TSUYA_REFINE_UNLIKE;

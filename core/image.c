@@ -141,16 +141,65 @@ tsuya_status tsuya_image_convert(tsuya_image *out, const tsuya_image *in, tsuya_
     return TSUYA_OK;
 }
 
+/* One channel of `n` pixels from x on, and grey back: the sample's type is asked once a block, so that the loops are simple ones. */
+enum { BLOCK = 256 };
+
+static void load_block(float *restrict value, const tsuya_image *in, int x, int y, int n, int channel)
+{
+    int step = in->channels;
+    if (in->sample == TSUYA_SAMPLE_U8) {
+        const uint8_t *from = tsuya_image_u8(in, x, y) + channel;
+        for (int i = 0; i < n; i++) {
+            value[i] = (float)from[i * step] / 255.0f;
+        }
+    } else if (in->sample == TSUYA_SAMPLE_U16) {
+        const uint16_t *from = tsuya_image_u16(in, x, y) + channel;
+        for (int i = 0; i < n; i++) {
+            value[i] = (float)from[i * step] / 65535.0f;
+        }
+    } else {
+        const float *from = tsuya_image_f32(in, x, y) + channel;
+        for (int i = 0; i < n; i++) {
+            value[i] = from[i * step];
+        }
+    }
+}
+
+static void store_block(tsuya_image *out, const float *restrict value, int x, int y, int n)
+{
+    if (out->sample == TSUYA_SAMPLE_U8) {
+        uint8_t *to = tsuya_image_u8(out, x, y);
+        for (int i = 0; i < n; i++) {
+            float clamped = value[i] >= 1.0f ? 1.0f : value[i] > 0.0f ? value[i] : 0.0f; /* NaN gives 0 */
+            to[i] = (uint8_t)(int)(clamped * 255.0f + 0.5f);
+        }
+        return;
+    }
+    for (int i = 0; i < n; i++) {
+        set_sample(out, x + i, y, 0, value[i]);
+    }
+}
+
+static void grey_block(tsuya_image *out, const tsuya_image *in, int x, int y, int n)
+{
+    float value[3][BLOCK];
+    int used = in->channels < 3 ? 1 : 3;
+    for (int c = 0; c < used; c++) {
+        load_block(value[c], in, x, y, n, c);
+    }
+    for (int i = 0; i < n && used == 3; i++) {
+        value[0][i] = 0.2126f * value[0][i] + 0.7152f * value[1][i] + 0.0722f * value[2][i];
+    }
+    store_block(out, value[0], x, y, n);
+}
+
 tsuya_status tsuya_image_grey(tsuya_image *out, const tsuya_image *in, tsuya_sample sample)
 {
     TSUYA_TRY(tsuya_image_create(out, in->width_px, in->height_px, 1, sample, in->encoding));
 #pragma omp parallel for
     for (int y = 0; y < in->height_px; y++) {
-        for (int x = 0; x < in->width_px; x++) {
-            float value = in->channels < 3 ? get_sample(in, x, y, 0)
-                                           : 0.2126f * get_sample(in, x, y, 0) + 0.7152f * get_sample(in, x, y, 1)
-                                                 + 0.0722f * get_sample(in, x, y, 2);
-            set_sample(out, x, y, 0, value);
+        for (int x = 0; x < in->width_px; x += BLOCK) {
+            grey_block(out, in, x, y, in->width_px - x < BLOCK ? in->width_px - x : BLOCK);
         }
     }
     return TSUYA_OK;

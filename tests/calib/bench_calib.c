@@ -1,8 +1,9 @@
 /* Corners: error beside time, ours and the plain library's.  Then photographs of 12 Mpix to a camera: time by stage, memory.
  *
- *     bench_calib [PHOTOS]     60 photographs unless told otherwise
+ *     bench_calib [PHOTOS [FOLDER]]     60 photographs unless told otherwise
  *
- * Photographs are drawn (tests/calib/scene.h), eight of them, each under several names. */
+ * Photographs are drawn (tests/calib/scene.h), eight of them, each under several names.  Drawing takes minutes: in FOLDER they stay
+ * for the next time. */
 #include "bench.h"
 #include "tag_field.h"
 
@@ -33,12 +34,23 @@ static tsuya_camera truth(void)
     return (tsuya_camera){.lens = TSUYA_LENS_OPENCV4, .width_px = WIDE, .height_px = HIGH, .fx_px = 4100, .fy_px = 4100, .cx_px = 2011, .cy_px = 1489, .distortion = {-0.08, 0.05}};
 }
 
-static void draw_photos(const tsuya_board *board)
+static const char *drawn(const char *folder, int k)
+{
+    static char path[TEST_PATH];
+    char name[32];
+    snprintf(name, sizeof name, "drawn_%d.jpg", k);
+    snprintf(path, sizeof path, "%s/%s", folder ? folder : test_folder(), name);
+    return path;
+}
+
+static void draw_photos(const tsuya_board *board, const char *folder)
 {
     tsuya_camera camera = truth();
     static const tsuya_mat3 face = {{{1, 0, 0}, {0, -1, 0}, {0, 0, -1}}};
     for (int k = 0; k < DRAWN; k++) {
-        char name[32];
+        if (tsuya_path_exists(drawn(folder, k))) {
+            continue;
+        }
         tsuya_image image, photo;
         scene_look look = scene_look_default();
         look.srgb = true;
@@ -51,15 +63,14 @@ static void draw_photos(const tsuya_board *board)
         scene_begin(&image, WIDE, HIGH, &look);
         scene_plate(&image, board, 0, &camera, pose, &look);
         scene_end(&photo, &image, &look);
-        snprintf(name, sizeof name, "drawn_%d.jpg", k);
-        assert_ok(tsuya_image_save(&photo, test_path(name), NULL));
+        assert_ok(tsuya_image_save(&photo, drawn(folder, k), NULL));
         tsuya_image_free(&photo);
     }
 }
 
 typedef struct run { double wall_s, cpu_s, read_s, detect_s, solve_s, peak_mb, error_px; } run;
 
-static run calibrate(const tsuya_board *board, int photos)
+static run calibrate(const tsuya_board *board, const char *folder, int photos)
 {
     run r = {0};
     char *path[MOST];
@@ -72,12 +83,11 @@ static run calibrate(const tsuya_board *board, int photos)
     tsuya_context context = tsuya_context_default();
     tsuya_calibrate_options options = tsuya_calibrate_options_default();
     for (int k = 0; k < photos; k++) {
-        char drawn[32], name[32];
-        snprintf(drawn, sizeof drawn, "drawn_%d.jpg", (k + k / DRAWN) % DRAWN);
+        char name[32];
         snprintf(name, sizeof name, "IMG_%03d.jpg", k);
         path[k] = tsuya_strdup(test_path(name));
         (void)unlink(path[k]);
-        assert_int_equal(link(test_path(drawn), path[k]), 0);
+        assert_int_equal(symlink(drawn(folder, (k + k / DRAWN) % DRAWN), path[k]), 0);
     }
     tsuya_peak_memory_reset();
     double wall = tsuya_clock_s(), cpu = cpu_s();
@@ -104,18 +114,19 @@ static run calibrate(const tsuya_board *board, int photos)
 int main(int argc, char **argv)
 {
     long photos_given = argc > 1 ? strtol(argv[1], NULL, 10) : 60;
+    const char *folder = argc > 2 ? argv[2] : NULL;
     int photos = photos_given >= 16 && photos_given <= MOST ? (int)photos_given : 0;
     tsuya_board board;
     if (photos == 0) {
-        fprintf(stderr, "bench_calib [PHOTOS]: 16 to %d\n", MOST);
+        fprintf(stderr, "bench_calib [PHOTOS [FOLDER]]: 16 to %d\n", MOST);
         return 2;
     }
     corners(2.0 / 255.0, false, "corners noise 2");
     corners(8.0 / 255.0, false, "corners noise 8");
     corners(2.0 / 255.0, true, "corners sRGB noise 2");
     assert_ok(tsuya_board_grid(&board, "tag36h11", 1, 8, 5, 0.030, 0.009, 0));
-    draw_photos(&board);
-    run few = calibrate(&board, 16), all = calibrate(&board, photos);
+    draw_photos(&board, folder);
+    run few = calibrate(&board, folder, 16), all = calibrate(&board, folder, photos);
     bench_point("photographs to a camera", "16 of 12 Mpix", few.error_px, "px", few.cpu_s, "s");
     bench_point("photographs to a camera", "all of 12 Mpix", all.error_px, "px", all.cpu_s, "s");
     printf("memory: %.0f MiB for 16 photographs, %.0f for %d\n", few.peak_mb, all.peak_mb, photos);

@@ -1,6 +1,63 @@
 /* Corners of synthetic tags: error against the truth and the Cramér–Rao bound, beside the plain library's, and its time. */
 #include "tag_field.h"
 
+#include "calib/refine_kernel.h"
+
+/* The profile of refine.h as it is written there, with the mathematical library's own functions. */
+static double profile(const double p[EDGE_PARAMETERS], double u, double depth)
+{
+    double f = p[EDGE_OFFSET] + p[EDGE_SLOPE] * u + p[EDGE_BOW] * (u * u - 1.0 / 3.0), share = 0.5 * erfc(-(f - depth) / p[EDGE_BLUR] * M_SQRT1_2);
+    double black = p[EDGE_BLACK] + p[EDGE_BLACK_SLOPE] * u, white = p[EDGE_WHITE] + p[EDGE_WHITE_SLOPE] * u;
+    return pow(black + (white - black) * share, 1.0 / p[EDGE_TONE]);
+}
+
+/* Sums of the pixels against the profile and its differences. */
+static void hold_sums(double tone, int count, bool with_tone)
+{
+    static tsuya_edge_pixels s;
+    double p[EDGE_PARAMETERS] = {0.13, -0.07, 0.04, 0.75, 0.81, -0.05, 0.09, 0.02, tone};
+    int size = with_tone ? EDGE_PARAMETERS : EDGE_TONE;
+    tsuya_edge_normal sum, want = {0};
+    s.count = count;
+    for (int i = 0; i < count; i++) {
+        double g[EDGE_PARAMETERS], u = tsuya_random_uniform(3, 1, (uint64_t)i) * 2.0 - 1.0, d = tsuya_random_uniform(3, 2, (uint64_t)i) * 9.0 - 4.5;
+        s.u[i] = (float)u, s.depth[i] = (float)d, s.grey[i] = (float)tsuya_random_uniform(3, 3, (uint64_t)i);
+        double r = (double)s.grey[i] - profile(p, (double)s.u[i], (double)s.depth[i]);
+        for (int a = 0; a < size; a++) {
+            double up[EDGE_PARAMETERS], down[EDGE_PARAMETERS];
+            memcpy(up, p, sizeof up), memcpy(down, p, sizeof down);
+            up[a] += 1e-5, down[a] -= 1e-5;
+            g[a] = (profile(up, (double)s.u[i], (double)s.depth[i]) - profile(down, (double)s.u[i], (double)s.depth[i])) / 2e-5;
+            want.g[a] += g[a] * r;
+            for (int b = 0; b <= a; b++) {
+                want.h[a][b] += g[a] * g[b];
+            }
+        }
+        want.squares += r * r;
+    }
+    tsuya_edge_normal_sum(&sum, p, &s, with_tone);
+    assert_near(sum.squares / want.squares, 1.0, 1e-5);
+    for (int a = 0; a < size; a++) {
+        assert_near(sum.g[a], want.g[a], 1e-5 * sqrt(want.h[a][a] * want.squares) + 1e-6);
+        for (int b = 0; b <= a; b++) {
+            assert_near(sum.h[a][b], want.h[a][b], 1e-5 * sqrt(want.h[a][a] * want.h[b][b]) + 1e-6);
+        }
+    }
+}
+
+static void test_sums(void **state)
+{
+    (void)state;
+    for (int count = 1; count < 20; count++) { /* whole groups of pixels and rests */
+        hold_sums(1.0, count, false);
+        hold_sums(2.2, count, true);
+    }
+    hold_sums(1.0, 1031, false);
+    hold_sums(1.0, 1031, true);
+    hold_sums(2.2, 1031, false);
+    hold_sums(0.6, 1031, true);
+}
+
 static void test_accuracy(void **state)
 {
     (void)state;
@@ -8,7 +65,7 @@ static void test_accuracy(void **state)
     tsuya_image light;
     scene_look look = scene_look_default();
     make_field(&f, &light, &look, "tag36h11", 1, 72, 96);
-    score s = compare(NULL, "noise 2/255", &f, &light, &look, "tag36h11", 1);
+    score library, s = compare(&library, "noise 2/255", &f, &light, &look, "tag36h11", 1);
     /* The library's first pixel begins at (0.5, 0.5): without the shift every corner would be off by half a pixel. */
     assert_true(tsuya_tag_pixel(0.5) == 0.0);
     assert_true(s.library_bias < 0.02);
@@ -18,6 +75,7 @@ static void test_accuracy(void **state)
     assert_true(s.bias <= 0.005);
     assert_true(s.rms <= 2.5 * s.bound);
     assert_true(s.sigma_ratio > 0.8 && s.sigma_ratio < 1.25);
+    assert_true(s.seconds <= library.seconds); /* of the processor; a third of it where nothing else runs */
     look.noise = 8.0 / 255.0;
     s = compare(NULL, "noise 8/255", &f, &light, &look, "tag36h11", 1);
     assert_int_equal(s.found, TAGS);
@@ -26,11 +84,12 @@ static void test_accuracy(void **state)
     assert_true(s.bias <= 0.005);
     look.noise = 2.0 / 255.0;
     look.srgb = true;
-    s = compare(NULL, "noise 2/255, sRGB", &f, &light, &look, "tag36h11", 1);
+    s = compare(&library, "noise 2/255, sRGB", &f, &light, &look, "tag36h11", 1);
     assert_int_equal(s.found, TAGS);
     assert_true(s.rms <= 0.025);
     assert_true(s.bias <= 0.005);
     assert_true(fabs(s.outward) <= 0.010);
+    assert_true(s.seconds <= library.seconds);
     tsuya_image_free(&light);
     free_boards(&f);
 }
@@ -69,6 +128,6 @@ static void test_motion(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_accuracy), cmocka_unit_test(test_families), cmocka_unit_test(test_motion)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_sums), cmocka_unit_test(test_accuracy), cmocka_unit_test(test_families), cmocka_unit_test(test_motion)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

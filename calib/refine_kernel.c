@@ -1,0 +1,146 @@
+/* Eight pixels at a time.  Φ by Abramowitz & Stegun 26.2.17 (7.5e-8), logarithm by the series of artanh, exponential by its own. */
+#include "calib/refine_kernel.h"
+
+#include "core/clones.h"
+
+#include <string.h>
+
+enum { LANES = TSUYA_EDGE_LANES, CHUNK = 512, SUMS = EDGE_PARAMETERS * (EDGE_PARAMETERS + 1) / 2 + EDGE_PARAMETERS + 1 };
+
+typedef float vf __attribute__((vector_size(4 * LANES)));
+typedef int32_t vi __attribute__((vector_size(4 * LANES)));
+#pragma GCC diagnostic ignored "-Wpsabi" /* vectors go to inlined functions only */
+#define INLINE static inline __attribute__((always_inline))
+
+static const float DARKEST = 1e-4f; /* of light: black levels are kept from 0, where the tone curve is infinitely steep */
+
+INLINE vf choose(vi where, vf a, vf b) { return (vf)(((vi)a & where) | ((vi)b & ~where)); }
+
+/* 2^x for |x| < 126: the nearest whole power into the exponent, the rest by its series. */
+INLINE vf power_of_two(vf x)
+{
+    const float round = 12582912.0f; /* 1.5 · 2^23: adding it leaves whole numbers */
+    vf whole = (x + round) - round, t = (x - whole) * 0.693147181f;
+    vf series = 1.0f + t * (1.0f + t * (0.5f + t * (1.0f / 6 + t * (1.0f / 24 + t * (1.0f / 120 + t * (1.0f / 720 + t * (1.0f / 5040)))))));
+    return (vf)((vi)series + (__builtin_convertvector(whole, vi) << 23));
+}
+
+/* log₂ of positive numbers. */
+INLINE vf log_two(vf x)
+{
+    vi bits = (vi)x - 0x3f3504f3; /* √½: the mantissa comes out between that and its double */
+    vi exponent = bits >> 23;
+    vf m = (vf)((bits & 0x007fffff) + 0x3f3504f3), s = (m - 1.0f) / (m + 1.0f), q = s * s;
+    return __builtin_convertvector(exponent, vf) + 2.885390082f * s * (1.0f + q * (1.0f / 3 + q * (1.0f / 5 + q * (1.0f / 7 + q * (1.0f / 9)))));
+}
+
+/* The normal distribution and its density. */
+INLINE void normal_at(vf *share, vf *density, vf z)
+{
+    vf size = choose(z < 0.0f, -z, z);
+    size = choose(size > 9.0f, size * 0.0f + 9.0f, size);
+    vf t = 1.0f / (1.0f + 0.2316419f * size);
+    *density = 0.398942280f * power_of_two(-0.721347520f * size * size);
+    vf tail = *density * t * (0.319381530f + t * (-0.356563782f + t * (1.781477937f + t * (-1.821255978f + t * 1.330274429f))));
+    *share = choose(z < 0.0f, tail, 1.0f - tail);
+}
+
+/* Residual and gradient of the pixels from i on. */
+INLINE vf evaluate(vf g[EDGE_PARAMETERS], const float p[EDGE_PARAMETERS], const tsuya_edge_pixels *s, int i, bool curved, bool with_tone)
+{
+    vf u = *(const vf *)&s->u[i], bend = u * u - 1.0f / 3, share, density, rise = u * 0.0f + 1.0f;
+    vf z = (p[EDGE_OFFSET] + p[EDGE_SLOPE] * u + p[EDGE_BOW] * bend - *(const vf *)&s->depth[i]) * (1.0f / p[EDGE_BLUR]);
+    normal_at(&share, &density, z);
+    vf black = p[EDGE_BLACK] + p[EDGE_BLACK_SLOPE] * u, contrast = p[EDGE_WHITE] + p[EDGE_WHITE_SLOPE] * u - black, light = black + contrast * share;
+    light = choose(light > DARKEST, light, u * 0.0f + DARKEST);
+    vf value = light;
+    if (curved) {
+        float by_tone = 1.0f / p[EDGE_TONE];
+        vf logarithm = log_two(light);
+        value = power_of_two(logarithm * by_tone);
+        rise = value * by_tone / light;
+        if (with_tone) {
+            g[EDGE_TONE] = value * logarithm * (-0.693147181f * by_tone * by_tone);
+        }
+    }
+    g[EDGE_OFFSET] = rise * contrast * density * (1.0f / p[EDGE_BLUR]);
+    g[EDGE_SLOPE] = g[EDGE_OFFSET] * u;
+    g[EDGE_BOW] = g[EDGE_OFFSET] * bend;
+    g[EDGE_BLUR] = -g[EDGE_OFFSET] * z;
+    g[EDGE_WHITE] = rise * share;
+    g[EDGE_WHITE_SLOPE] = g[EDGE_WHITE] * u;
+    g[EDGE_BLACK] = rise - g[EDGE_WHITE];
+    g[EDGE_BLACK_SLOPE] = g[EDGE_BLACK] * u;
+    return *(const vf *)&s->grey[i] - value;
+}
+
+/* Lower half of JᵀJ row by row, then Jᵀr, then r², over one chunk. */
+INLINE void add_chunk(double *sum, const float p[EDGE_PARAMETERS], const tsuya_edge_pixels *s, int begin, int end, bool curved, bool with_tone)
+{
+    const int size = with_tone ? EDGE_PARAMETERS : EDGE_TONE;
+    const vi lane = {0, 1, 2, 3, 4, 5, 6, 7};
+    vf part[SUMS] = {0};
+    for (int i = begin; i < end; i += LANES) {
+        vf g[EDGE_PARAMETERS], r = evaluate(g, p, s, i, curved, with_tone);
+        vf *out = part;
+        if (i + LANES > end) {
+            vi there = lane + i < end;
+            for (int a = 0; a < size; a++) {
+                g[a] = (vf)((vi)g[a] & there);
+            }
+            r = (vf)((vi)r & there);
+        }
+#pragma GCC unroll 9
+        for (int a = 0; a < size; a++) {
+#pragma GCC unroll 9
+            for (int b = 0; b <= a; b++) {
+                *out++ += g[a] * g[b];
+            }
+        }
+#pragma GCC unroll 9
+        for (int a = 0; a < size; a++) {
+            *out++ += g[a] * r;
+        }
+        *out += r * r;
+    }
+    for (int k = 0; k < size * (size + 1) / 2 + size + 1; k++) {
+        for (int l = 0; l < LANES; l++) {
+            sum[k] += (double)part[k][l];
+        }
+    }
+}
+
+INLINE void add_chunks(double *sum, const float p[EDGE_PARAMETERS], const tsuya_edge_pixels *s, bool curved, bool with_tone)
+{
+    for (int begin = 0; begin < s->count; begin += CHUNK) {
+        add_chunk(sum, p, s, begin, begin + CHUNK < s->count ? begin + CHUNK : s->count, curved, with_tone);
+    }
+}
+
+TSUYA_CLONES("arch=x86-64-v3", "default") static void add_linear(double *sum, const float *p, const tsuya_edge_pixels *s) { add_chunks(sum, p, s, false, false); }
+TSUYA_CLONES("arch=x86-64-v3", "default") static void add_curved(double *sum, const float *p, const tsuya_edge_pixels *s) { add_chunks(sum, p, s, true, false); }
+TSUYA_CLONES("arch=x86-64-v3", "default") static void add_with_tone(double *sum, const float *p, const tsuya_edge_pixels *s) { add_chunks(sum, p, s, true, true); }
+
+void tsuya_edge_normal_sum(tsuya_edge_normal *n, const double p[EDGE_PARAMETERS], tsuya_edge_pixels *s, bool with_tone)
+{
+    float narrow[EDGE_PARAMETERS];
+    double sum[SUMS] = {0}, *at = sum;
+    int size = with_tone ? EDGE_PARAMETERS : EDGE_TONE;
+    for (int a = 0; a < EDGE_PARAMETERS; a++) {
+        narrow[a] = (float)p[a];
+    }
+    for (int i = s->count; i % LANES; i++) {
+        s->u[i] = s->depth[i] = s->grey[i] = 0.0f;
+    }
+    (with_tone ? add_with_tone : p[EDGE_TONE] == 1.0 ? add_linear : add_curved)(sum, narrow, s);
+    memset(n, 0, sizeof *n);
+    for (int a = 0; a < size; a++) {
+        for (int b = 0; b <= a; b++) {
+            n->h[a][b] = *at++;
+        }
+    }
+    for (int a = 0; a < size; a++) {
+        n->g[a] = *at++;
+    }
+    n->squares = *at;
+}
