@@ -146,12 +146,14 @@ static void solve(double x[EDGE_PARAMETERS], double h[EDGE_PARAMETERS][EDGE_PARA
 
 static double limited(double step, double most) { return step > most ? most : step < -most ? -most : step; }
 
-/* Lenses bend an edge by some thousandths of its length: a prior that matters on short and faint edges only. */
-static void add_bow_prior(tsuya_edge_normal *n, const tsuya_edge *edge, double variance)
+/* Lenses bend an edge by some thousandths of its length: a prior that matters on short and faint edges only.  An edge that is
+ * sharper than a pixel does not tell its blur: that step is damped, for the sums are only as good as floats. */
+static void add_priors(tsuya_edge_normal *n, const tsuya_edge *edge, double variance)
 {
     double sigma = 0.005 * edge->half_length_px;
     n->h[EDGE_BOW][EDGE_BOW] += variance / (sigma * sigma);
     n->g[EDGE_BOW] -= variance / (sigma * sigma) * edge->p[EDGE_BOW];
+    n->h[EDGE_BLUR][EDGE_BLUR] += 1e-4 * n->h[EDGE_OFFSET][EDGE_OFFSET];
 }
 
 /* Gauss–Newton; true when the steps have become small. */
@@ -161,7 +163,7 @@ static bool iterate(tsuya_edge *edge, tsuya_edge_pixels *s, tsuya_edge_normal *l
     for (int i = 0; i < MOST_ITERATIONS; i++) {
         tsuya_edge_normal_sum(last, p, s, with_tone);
         *variance = fmax(last->squares / (s->count - EDGE_TONE), ROUNDING);
-        add_bow_prior(last, edge, *variance);
+        add_priors(last, edge, *variance);
         tsuya_edge_normal work = *last;
         double step[EDGE_PARAMETERS];
         memcpy(step, last->g, sizeof step);
