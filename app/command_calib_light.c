@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-enum { KEY_BOARD = 1, KEY_CAMERA, KEY_COLOR, KEY_LINEAR, KEY_REFLECTANCE, KEY_BALL };
+enum { KEY_BOARD = 1, KEY_CAMERA, KEY_COLOR, KEY_LINEAR, KEY_REFLECTANCE, KEY_BALL, KEY_WHITE };
 
 typedef struct light_input {
     tsuya_calib_light_input light;
@@ -19,6 +19,7 @@ static const struct argp_option options[] = {
     {"reflectance", KEY_REFLECTANCE, "R", 0, "Of the plate's white (default 0.85)", 0},
     {"ball", KEY_BALL, "TEXT", 0, "A mirror ball that lies on the first plate instead: \"X,Y,DIAMETER\" in its millimetres, or \"X,Y,DIAMETER; PHOTO PHOTO\" "
                                   "where only these show it there; repeatable", 0},
+    {"white", KEY_WHITE, NULL, 0, "With --ball: the tags' white is the light meter beside the balls, and one lamp is estimated from both", 0},
     {"output", 'o', "PATH", 0, "Folder, or FILE.json (default: light.json); the picture of the residuals goes beside it", 0},
     {0},
 };
@@ -31,10 +32,13 @@ static void check(struct argp_state *state, light_input *input)
     } else if (!l->camera) {
         argp_error(state, "--camera is missing");
     } else if (!l->photo_count) {
-        argp_error(state, "PHOTOS is missing: a folder, or files");
+        argp_error(state, "PHOTOS is missing: a folder, or files; or several folders, each lit by one lamp");
     }
     while (l->balls < TSUYA_LAMP_BALLS && input->ball[l->balls]) {
         l->balls++;
+    }
+    if (l->white && !l->balls) {
+        argp_error(state, "--white belongs to --ball: without balls the tags' white is the light meter as it is");
     }
 }
 
@@ -49,10 +53,14 @@ static error_t parse(int key, char *arg, struct argp_state *state)
     case KEY_LINEAR: l->linear = true; return 0;
     case KEY_REFLECTANCE: l->reflectance = tsuya_argument_number(state, "--reflectance", arg, 0.01, 1.0); return 0;
     case KEY_BALL: tsuya_argument_append(state, input->ball, TSUYA_LAMP_BALLS, arg); return 0;
+    case KEY_WHITE: l->white = true; return 0;
     case 'o': input->output = arg; return 0;
     case ARGP_KEY_ARG:
         if (l->photo_count == TSUYA_CALIB_MOST_PHOTOS) {
             argp_error(state, "more than %d photographs", TSUYA_CALIB_MOST_PHOTOS);
+        }
+        for (size_t n = strlen(arg); n > 1 && arg[n - 1] == '/'; n--) { /* a folder's name is its lamp's */
+            arg[n - 1] = '\0';
         }
         input->photo[l->photo_count++] = arg;
         return 0;
@@ -65,7 +73,8 @@ static const tsuya_syntax syntax = {
     .arguments = "PHOTOS...",
     .example = "tsuya calib light --board plate.yaml --camera calib/camera.cameramodel plate-photos/ -o light.json",
     .doc = "Position, direction and falloff of a lamp, for tsuya render, from photographs of a matte plate with tags that is tilted about, or of mirror balls on "
-           "one. With one plate the camera stands still, and the world is where the plate lay in the first photograph; with several the first is the world.",
+           "one. With one plate the camera stands still, and the world is where the plate lay in the first photograph; with several the first is the world. "
+           "Several folders: each holds what one lamp lit alone, and is named after it.",
     .options = options,
     .parse = parse,
 };

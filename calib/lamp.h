@@ -13,6 +13,8 @@
  * halves the angle between camera and lamp.  Lamp and the balls' true places (within a millimetre of what was measured) are
  * estimated from all highlights.
  *
+ * Both.  Highlights beside readings are rows of the same least squares: balls say where the lamp is, white how it shines.
+ *
  * World frame: the first plate's.  Values are in the camera's unit: 1 is full scale, so that intensity is what makes `tsuya render`
  * give the photographs' own numbers. */
 #ifndef TSUYA_CALIB_LAMP_H
@@ -30,7 +32,8 @@ typedef struct tsuya_lamp_reading {
     tsuya_vec3 position_m, normal; /* world */
     tsuya_vec2 place_m;            /* on the plate */
     tsuya_vec2 pixel;
-    double size_px;                /* edge of the tag */
+    tsuya_vec2 outline_px[4];      /* the tag's corners */
+    double size_px;                /* its shortest edge */
     double radius2;                /* of the pixel, 1 at half the image's diagonal */
     double rgb[3];                 /* linear, exposure divided out */
     double expected[3];            /* by the fit */
@@ -67,18 +70,8 @@ typedef struct tsuya_lamp {
     double cos_least, cos_most;    /* of the angle about the main direction, over the readings */
     int readings, outliers, photos;
     double rms_px;                 /* balls: of the highlights, per coordinate */
-    int highlights;
+    int highlights;                /* 0 without balls */
 } tsuya_lamp;
-
-typedef struct tsuya_lamp_options {
-    double reflectance;   /* of the first plate's white */
-    bool vignetting_known;
-} tsuya_lamp_options;
-TSUYA_API tsuya_lamp_options tsuya_lamp_options_default(void);
-
-/* Fills the readings' `expected` and `outlier`.  Fails with one line where the plate lies alike in all photographs, is not lit,
- * or stands in the lamp's plane. */
-TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_lamp_fit(tsuya_lamp *lamp, tsuya_lamp_readings *readings, const tsuya_lamp_options *options);
 
 typedef struct tsuya_lamp_ball { double x_m, y_m, diameter_m; } tsuya_lamp_ball; /* it touches the plate at (x, y) */
 typedef struct tsuya_lamp_highlight {
@@ -86,15 +79,36 @@ typedef struct tsuya_lamp_highlight {
     tsuya_vec2 pixel, residual_px;
     tsuya_pose camera_from_world;
 } tsuya_lamp_highlight;
+/* Balls and their highlights, as the fits take them; both are borrowed. */
+typedef struct tsuya_lamp_balls {
+    tsuya_lamp_ball *ball;           /* moved to where they fit */
+    tsuya_lamp_highlight *highlight; /* `residual_px` is filled */
+    int balls, highlights;
+    const tsuya_camera *camera;
+} tsuya_lamp_balls;
+
+typedef struct tsuya_lamp_options {
+    double reflectance;   /* of the first plate's white */
+    bool vignetting_known;
+    tsuya_lamp_balls *balls; /* seen beside the plate; NULL: none */
+} tsuya_lamp_options;
+TSUYA_API tsuya_lamp_options tsuya_lamp_options_default(void);
+
+/* Fills the readings' `expected` and `outlier`, and what tsuya_lamp_ball_fit fills.  Fails with one line where the plate lies alike in
+ * all photographs and no ball is there, where it is not lit, or stands in the lamp's plane. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_lamp_fit(tsuya_lamp *lamp, tsuya_lamp_readings *readings, const tsuya_lamp_options *options);
+
 /* The brightest spot within the ball's outline; `name` is for messages.  Fails where the ball lies outside the image, where nothing
  * stands out, and where two spots do. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_lamp_ball_find(tsuya_lamp_highlight *highlight, const tsuya_image *photo, const char *name,
                                                              const tsuya_camera *camera, tsuya_pose camera_from_world, const tsuya_lamp_ball *ball);
 /* Moves the balls to where they fit.  Fails on highlights that give a direction only. */
-TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_lamp_ball_fit(tsuya_lamp *lamp, tsuya_lamp_ball *ball, int balls, tsuya_lamp_highlight *highlight,
-                                                            int count, const tsuya_camera *camera);
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_lamp_ball_fit(tsuya_lamp *lamp, tsuya_lamp_balls *balls);
 
 /* What tsuya render reads ("lights": lamps that together shine like this one), and the lamp as it was found. */
 TSUYA_API void tsuya_lamp_to_json(tsuya_json *object, const tsuya_lamp *lamp);
+/* The same in two parts, for several lamps in one file: lights are added to a list, the lamp becomes an object's members. */
+TSUYA_API void tsuya_lamp_add_lights(tsuya_json *list, const tsuya_lamp *lamp);
+TSUYA_API void tsuya_lamp_describe(tsuya_json *object, const tsuya_lamp *lamp);
 
 #endif

@@ -6,7 +6,7 @@
 #include <string.h>
 
 enum { LAMP = 3, STEPS = 60, ROUNDS = 3 };
-static const double PLACE_SIGMA_M = 1e-3, FIRST_SIGMA_PX = 0.5, OUTLINE = 0.97, SPOT = 0.7, STANDS_OUT = 3.0, SPOT_SHARE = 0.15;
+static const double PLACE_SIGMA_M = 1e-3, FIRST_SIGMA_PX = 0.5, LEAST_SIGMA_PX = 0.05, OUTLINE = 0.97, SPOT = 0.7, STANDS_OUT = 3.0, SPOT_SHARE = 0.15;
 
 /* The window of a photograph that holds a ball. */
 typedef struct window {
@@ -150,71 +150,102 @@ tsuya_status tsuya_lamp_ball_find(tsuya_lamp_highlight *highlight, const tsuya_i
     return status;
 }
 
-/* What is estimated. */
+/* What is estimated from balls alone. */
 typedef struct scene {
-    const tsuya_lamp_highlight *highlight;
-    const tsuya_lamp_ball *given;
-    const tsuya_camera *camera;
-    tsuya_vec3 middle;
-    int count, balls;
-    double sigma_px;
-    tsuya_vec3 to_lamp;
-    double inverse_m;
-    double shift_m[TSUYA_LAMP_BALLS][2];
+    const tsuya_lamp_balls *balls;
+    tsuya_lamp_place place;
+    double sigma_px, shift_m[2 * TSUYA_LAMP_BALLS];
 } scene;
 
 static double angle_between(tsuya_vec3 a, tsuya_vec3 b) { return atan2(tsuya_vec3_norm(tsuya_vec3_cross(a, b)), tsuya_vec3_dot(a, b)); }
 
-static tsuya_vec3 way(const scene *s, tsuya_vec3 from) { return tsuya_vec3_mad(s->to_lamp, -s->inverse_m, tsuya_vec3_sub(from, s->middle)); }
+static tsuya_vec3 way(const tsuya_lamp_place *p, tsuya_vec3 from) { return tsuya_vec3_mad(p->to_lamp, -p->inverse_m, tsuya_vec3_sub(from, p->middle)); }
 
 /* Where the ball mirrors the lamp to the eye: the normal between both directions at which the angles are alike (Alhazen). */
-static tsuya_vec3 mirror_point(const scene *s, tsuya_vec3 eye, tsuya_vec3 center, double radius)
+static tsuya_vec3 mirror_point(const tsuya_lamp_place *p, tsuya_vec3 eye, tsuya_vec3 center, double radius)
 {
-    tsuya_vec3 a = tsuya_vec3_unit(tsuya_vec3_sub(eye, center)), b = tsuya_vec3_unit(way(s, center)), q = center;
+    tsuya_vec3 a = tsuya_vec3_unit(tsuya_vec3_sub(eye, center)), b = tsuya_vec3_unit(way(p, center)), q = center;
     double low = 0.0, high = 1.0, apart = angle_between(a, b);
     tsuya_vec3 side = tsuya_vec3_tangent(b, a);
     for (int k = 0; k < 50; k++) {
         double t = 0.5 * (low + high) * apart;
         tsuya_vec3 n = tsuya_vec3_add(tsuya_vec3_scale(a, cos(t)), tsuya_vec3_scale(side, sin(t)));
         q = tsuya_vec3_mad(center, radius, n);
-        *(angle_between(n, tsuya_vec3_sub(eye, q)) < angle_between(n, way(s, q)) ? &low : &high) = 0.5 * (low + high);
+        *(angle_between(n, tsuya_vec3_sub(eye, q)) < angle_between(n, way(p, q)) ? &low : &high) = 0.5 * (low + high);
     }
     return q;
 }
 
-static tsuya_vec3 moved_center(const scene *s, int ball)
+/* Pixel of the highlight less where it would be; false where that is not in the camera's view. */
+static bool miss(double e[2], const tsuya_lamp_balls *b, const tsuya_lamp_highlight *h, const tsuya_lamp_place *p, const double *shift_m)
 {
-    tsuya_vec3 c = center_of(&s->given[ball]);
-    c.x += s->shift_m[ball][0];
-    c.y += s->shift_m[ball][1];
-    return c;
+    tsuya_vec2 pixel;
+    const tsuya_lamp_ball *ball = &b->ball[h->ball];
+    tsuya_vec3 center = tsuya_vec3_add(center_of(ball), (tsuya_vec3){shift_m[2 * h->ball], shift_m[2 * h->ball + 1], 0});
+    tsuya_vec3 q = mirror_point(p, tsuya_pose_center(h->camera_from_world), center, 0.5 * ball->diameter_m);
+    bool seen = tsuya_camera_project(b->camera, tsuya_pose_apply(h->camera_from_world, q), &pixel);
+    e[0] = seen ? h->pixel.x - pixel.x : 0.0;
+    e[1] = seen ? h->pixel.y - pixel.y : 0.0;
+    return seen;
+}
+
+void tsuya_lamp_ball_rows(double *row, const tsuya_lamp_balls *b, const tsuya_lamp_place *place, const double *shift_m, double sigma_px)
+{
+    for (int i = 0; i < b->highlights; i++) {
+        double e[2];
+        bool seen = miss(e, b, &b->highlight[i], place, shift_m);
+        *row++ = seen ? e[0] / sigma_px : 1e3;
+        *row++ = seen ? e[1] / sigma_px : 1e3;
+    }
+    for (int k = 0; k < 2 * b->balls; k++) {
+        *row++ = shift_m[k] / PLACE_SIGMA_M;
+    }
+}
+
+double tsuya_lamp_ball_sigma(const tsuya_lamp_balls *b, const tsuya_lamp_place *place, const double *shift_m, double sigma_px)
+{
+    double sum = 0.0, freedom = 2.0 * b->highlights - LAMP;
+    for (int k = 0; k < 2 * b->balls; k++) { /* what the balls' shifts took out of the residuals */
+        sum += shift_m[k] * shift_m[k] / (PLACE_SIGMA_M * PLACE_SIGMA_M) * sigma_px * sigma_px;
+    }
+    for (int i = 0; i < b->highlights; i++) {
+        double e[2];
+        (void)miss(e, b, &b->highlight[i], place, shift_m);
+        sum += e[0] * e[0] + e[1] * e[1];
+    }
+    return freedom < 3.0 ? sigma_px : fmax(sqrt(sum / freedom), LEAST_SIGMA_PX);
+}
+
+void tsuya_lamp_ball_settle(tsuya_lamp *lamp, tsuya_lamp_balls *b, const tsuya_lamp_place *place, const double *shift_m)
+{
+    double sum = 0.0;
+    for (int i = 0; i < b->highlights; i++) {
+        double e[2];
+        (void)miss(e, b, &b->highlight[i], place, shift_m);
+        b->highlight[i].residual_px = (tsuya_vec2){e[0], e[1]};
+        sum += e[0] * e[0] + e[1] * e[1];
+    }
+    lamp->highlights = b->highlights;
+    lamp->rms_px = sqrt(sum / (2.0 * b->highlights));
+    for (int k = 0; k < b->balls; k++) {
+        b->ball[k].x_m += shift_m[2 * k];
+        b->ball[k].y_m += shift_m[2 * k + 1];
+    }
 }
 
 static void residuals(double *row, const void *at)
 {
     const scene *s = at;
-    for (int i = 0; i < s->count; i++) {
-        const tsuya_lamp_highlight *h = &s->highlight[i];
-        tsuya_vec2 pixel;
-        tsuya_vec3 q = mirror_point(s, tsuya_pose_center(h->camera_from_world), moved_center(s, h->ball), 0.5 * s->given[h->ball].diameter_m);
-        bool seen = tsuya_camera_project(s->camera, tsuya_pose_apply(h->camera_from_world, q), &pixel);
-        row[2 * i] = seen ? (h->pixel.x - pixel.x) / s->sigma_px : 1e3;
-        row[2 * i + 1] = seen ? (h->pixel.y - pixel.y) / s->sigma_px : 1e3;
-    }
-    for (int b = 0; b < s->balls; b++) {
-        row[2 * (s->count + b)] = s->shift_m[b][0] / PLACE_SIGMA_M;
-        row[2 * (s->count + b) + 1] = s->shift_m[b][1] / PLACE_SIGMA_M;
-    }
+    tsuya_lamp_ball_rows(row, s->balls, &s->place, s->shift_m, s->sigma_px);
 }
 
 static void move(void *at, const double *step)
 {
     scene *s = at;
-    s->to_lamp = tsuya_lamp_turn(s->to_lamp, step[0], step[1]);
-    s->inverse_m = fmax(s->inverse_m + step[2], 0.0);
-    for (int b = 0; b < s->balls; b++) {
-        s->shift_m[b][0] += step[LAMP + 2 * b];
-        s->shift_m[b][1] += step[LAMP + 2 * b + 1];
+    s->place.to_lamp = tsuya_lamp_turn(s->place.to_lamp, step[0], step[1]);
+    s->place.inverse_m = fmax(s->place.inverse_m + step[2], 0.0);
+    for (int k = 0; k < 2 * s->balls->balls; k++) {
+        s->shift_m[k] += step[LAMP + k];
     }
 }
 
@@ -222,11 +253,11 @@ static void move(void *at, const double *step)
 static tsuya_vec3 first_direction(const scene *s)
 {
     tsuya_vec3 sum = {0, 0, 0};
-    for (int i = 0; i < s->count; i++) {
-        const tsuya_lamp_highlight *h = &s->highlight[i];
-        tsuya_vec3 ray, eye = tsuya_pose_center(h->camera_from_world), c = center_of(&s->given[h->ball]);
-        double radius = 0.5 * s->given[h->ball].diameter_m;
-        if (!tsuya_camera_unproject(s->camera, h->pixel, &ray)) {
+    for (int i = 0; i < s->balls->highlights; i++) {
+        const tsuya_lamp_highlight *h = &s->balls->highlight[i];
+        tsuya_vec3 ray, eye = tsuya_pose_center(h->camera_from_world), c = center_of(&s->balls->ball[h->ball]);
+        double radius = 0.5 * s->balls->ball[h->ball].diameter_m;
+        if (!tsuya_camera_unproject(s->balls->camera, h->pixel, &ray)) {
             continue;
         }
         tsuya_vec3 d = tsuya_mat3_apply_transposed(h->camera_from_world.rotation, ray), to = tsuya_vec3_sub(c, eye);
@@ -240,22 +271,22 @@ static tsuya_vec3 first_direction(const scene *s)
 static void set_result(tsuya_lamp *lamp, const scene *s, const double *c, int n)
 {
     tsuya_vec3 t[2];
-    double d = 1.0 / fmax(s->inverse_m, 1e-9), by[3][3];
-    tsuya_lamp_tangents(t, s->to_lamp);
+    double d = 1.0 / fmax(s->place.inverse_m, 1e-9), by[3][3];
+    tsuya_lamp_tangents(t, s->place.to_lamp);
     for (int i = 0; i < 3; i++) {
-        by[i][0] = d * (&t[0].x)[i], by[i][1] = d * (&t[1].x)[i], by[i][2] = -d * d * (&s->to_lamp.x)[i];
+        by[i][0] = d * (&t[0].x)[i], by[i][1] = d * (&t[1].x)[i], by[i][2] = -d * d * (&s->place.to_lamp.x)[i];
     }
     for (int i = 0; i < 9; i++) {
         for (int a = 0; a < 9; a++) {
             lamp->position_cov_m2[i] += by[i / 3][a / 3] * c[(a / 3) * n + a % 3] * by[i % 3][a % 3];
         }
     }
-    lamp->to_lamp = s->to_lamp;
+    lamp->to_lamp = s->place.to_lamp;
     lamp->distance_m = d;
     lamp->distance_sigma_m = d * d * sqrt(c[2 * (n + 1)]);
-    lamp->position_m = tsuya_vec3_mad(s->middle, d, s->to_lamp);
+    lamp->position_m = tsuya_vec3_mad(s->place.middle, d, s->place.to_lamp);
     lamp->to_lamp_sigma_deg = tsuya_deg_from_rad(sqrt(0.5 * (c[0] + c[n + 1]) + hypot(0.5 * (c[0] - c[n + 1]), c[1])));
-    lamp->direction = tsuya_vec3_scale(s->to_lamp, -1.0);
+    lamp->direction = tsuya_vec3_scale(s->place.to_lamp, -1.0);
     lamp->direction_sigma_deg = lamp->falloff_sigma = lamp->distance_exponent_sigma = INFINITY;
     lamp->distance_exponent = 2.0;
     lamp->rgb[0] = lamp->rgb[1] = lamp->rgb[2] = 1.0;
@@ -265,13 +296,13 @@ static void set_result(tsuya_lamp *lamp, const scene *s, const double *c, int n)
 static tsuya_status no_distance(const scene *s)
 {
     return tsuya_fail(TSUYA_ERROR_INPUT, "%d highlight%s the lamp's direction (%.2f %.2f %.2f) but no distance; photograph a ball at another place too, as far away "
-                      "as the mat allows", s->count, s->count == 1 ? " gives" : "s give", s->to_lamp.x, s->to_lamp.y, s->to_lamp.z);
+                      "as the mat allows", s->balls->highlights, s->balls->highlights == 1 ? " gives" : "s give", s->place.to_lamp.x, s->place.to_lamp.y, s->place.to_lamp.z);
 }
 
 static tsuya_status check_result(tsuya_lamp *lamp, const scene *s, double spread_m)
 {
-    double sigma = lamp->distance_sigma_m / (lamp->distance_m * lamp->distance_m), nearest = 1.0 / (s->inverse_m + 2.0 * sigma);
-    lamp->far_away = sigma > 0.2 * s->inverse_m;
+    double sigma = lamp->distance_sigma_m / (lamp->distance_m * lamp->distance_m), nearest = 1.0 / (s->place.inverse_m + 2.0 * sigma);
+    lamp->far_away = sigma > 0.2 * s->place.inverse_m;
     return lamp->far_away && (nearest < 4.0 * spread_m || lamp->to_lamp_sigma_deg > 3.0) ? no_distance(s) : TSUYA_OK;
 }
 
@@ -279,57 +310,38 @@ static tsuya_status check_result(tsuya_lamp *lamp, const scene *s, double spread
 static tsuya_status solve(double *covariance, scene *s, double spread_m)
 {
     double nudge[LAMP + 2 * TSUYA_LAMP_BALLS], cost;
-    int n = LAMP + 2 * s->balls;
+    const tsuya_lamp_balls *b = s->balls;
+    int n = LAMP + 2 * b->balls;
     for (int k = 0; k < n; k++) {
         nudge[k] = k < 2 ? 1e-5 : k == 2 ? 1e-5 / fmax(spread_m, 0.05) : 1e-7;
     }
-    tsuya_lamp_problem p = {s, sizeof *s, n, 2 * (s->count + s->balls), residuals, move, nudge};
+    tsuya_lamp_problem p = {s, sizeof *s, n, 2 * (b->highlights + b->balls), residuals, move, nudge};
     for (int round = 0; round < ROUNDS; round++) {
         TSUYA_TRY(tsuya_lamp_descend(&cost, &p, STEPS));
-        double freedom = 2.0 * s->count - LAMP;
-        if (freedom >= 3.0) {
-            s->sigma_px = fmax(s->sigma_px * sqrt(cost / freedom), 0.05);
-        }
+        s->sigma_px = tsuya_lamp_ball_sigma(b, &s->place, s->shift_m, s->sigma_px);
     }
     tsuya_status status = tsuya_lamp_covariance(covariance, &p);
     return status == TSUYA_ERROR_NUMERIC ? no_distance(s) : status;
 }
 
-tsuya_status tsuya_lamp_ball_fit(tsuya_lamp *lamp, tsuya_lamp_ball *ball, int balls, tsuya_lamp_highlight *highlight, int count, const tsuya_camera *camera)
+tsuya_status tsuya_lamp_ball_fit(tsuya_lamp *lamp, tsuya_lamp_balls *b)
 {
-    double covariance[(LAMP + 2 * TSUYA_LAMP_BALLS) * (LAMP + 2 * TSUYA_LAMP_BALLS)], row[2], spread = 0.0;
-    scene s = {.highlight = highlight, .given = ball, .camera = camera, .count = count, .balls = balls, .sigma_px = FIRST_SIGMA_PX};
-    *lamp = (tsuya_lamp){.highlights = count};
-    for (int b = 0; b < balls; b++) {
-        s.middle = tsuya_vec3_mad(s.middle, 1.0 / balls, center_of(&ball[b]));
+    double covariance[(LAMP + 2 * TSUYA_LAMP_BALLS) * (LAMP + 2 * TSUYA_LAMP_BALLS)], spread = 0.0;
+    scene s = {.balls = b, .place = {.inverse_m = 1.0}, .sigma_px = FIRST_SIGMA_PX};
+    *lamp = (tsuya_lamp){0};
+    for (int k = 0; k < b->balls; k++) {
+        s.place.middle = tsuya_vec3_mad(s.place.middle, 1.0 / b->balls, center_of(&b->ball[k]));
     }
-    for (int b = 0; b < balls; b++) {
-        spread = fmax(spread, tsuya_vec3_norm(tsuya_vec3_sub(center_of(&ball[b]), s.middle)));
+    for (int k = 0; k < b->balls; k++) {
+        spread = fmax(spread, tsuya_vec3_norm(tsuya_vec3_sub(center_of(&b->ball[k]), s.place.middle)));
     }
-    s.to_lamp = first_direction(&s);
-    s.inverse_m = 1.0;
-    if (!(tsuya_vec3_norm(s.to_lamp) > 0.5)) {
+    s.place.to_lamp = first_direction(&s);
+    if (!(tsuya_vec3_norm(s.place.to_lamp) > 0.5)) {
         return tsuya_fail(TSUYA_ERROR_INPUT, "the highlights lie beside the balls; check the balls' places and diameters");
     }
     TSUYA_TRY(solve(covariance, &s, spread));
-    set_result(lamp, &s, covariance, LAMP + 2 * balls);
-    scene all = s;
-    for (int i = 0; i < count; i++) {
-        scene one = all;
-        double rows[2 + 2 * TSUYA_LAMP_BALLS];
-        one.highlight = &highlight[i];
-        one.count = 1;
-        one.sigma_px = 1.0;
-        residuals(rows, &one);
-        memcpy(row, rows, sizeof row);
-        highlight[i].residual_px = (tsuya_vec2){row[0], row[1]};
-        lamp->rms_px += (row[0] * row[0] + row[1] * row[1]) / (2.0 * count);
-    }
-    lamp->rms_px = sqrt(lamp->rms_px);
+    set_result(lamp, &s, covariance, LAMP + 2 * b->balls);
     TSUYA_TRY(check_result(lamp, &s, spread));
-    for (int b = 0; b < balls; b++) {
-        ball[b].x_m += s.shift_m[b][0];
-        ball[b].y_m += s.shift_m[b][1];
-    }
+    tsuya_lamp_ball_settle(lamp, b, &s.place, s.shift_m);
     return TSUYA_OK;
 }

@@ -7,13 +7,14 @@
 #include <string.h>
 
 enum { STARTS = 72, KEPT = 3, ROUNDS = 8, FEWEST_READINGS = 12 };
-/* The numbers a step moves; behind them one a further plate and OWN a photograph: log gain and its gradient across the plate. */
+/* The numbers a step moves; behind them one a further plate and OWN a photograph (log gain and its gradient across the plate), then the
+ * balls' shifts. */
 enum { TO_LAMP, INVERSE = 2, AXIS, FALLOFF = 5, POWER, AMBIENT, VIGNETTING, LEVEL, REST, OWN = 3 };
 
 static const double AXIS_PRIOR = 0.5, FALLOFF_PRIOR = 3.0, AMBIENT_PRIOR = 0.1, VIGNETTING_PRIOR = 0.3, PLATE_PRIOR = 0.3, HELD = 1e-7;
 static const double LEAST_TURN_DEG = 8.0, UNLIT = 0.003, ALIKE = 0.03, GRAZING = 0.06, MISFIT = 0.15, FIRST_GAIN = 0.01;
 /* Paper is not quite matte: what it deviates by changes with the tilt, and is alike in all tags of a photograph. */
-static const double LEAST_GAIN = 0.005, GRADIENT_PRIOR = 0.003;
+static const double LEAST_GAIN = 0.005, GRADIENT_PRIOR = 0.003, FIRST_SIGMA_PX = 0.5;
 
 typedef struct model {
     tsuya_vec3 to_lamp, axis;
@@ -30,11 +31,13 @@ typedef struct fit {
     double *value, *weight;      /* luminance of each reading; weight: square root, over the scatter */
     double scale, gain_sigma;
     bool free_power, free_vignetting, free_lobe, free_extra;
-    int extras;
+    int extras, first_shift;     /* among the extras: the balls' shifts come last */
+    const tsuya_lamp_balls *balls; /* NULL: none */
+    double sigma_px;             /* of highlights */
 } fit;
 
-/* The solver copies states as bytes: log white of plates 1 …, log gain and gradient of each photograph stand
- * behind the model. */
+/* The solver copies states as bytes: log white of plates 1 …, log gain and gradient of each photograph, and the balls' shifts
+ * stand behind the model. */
 typedef struct state {
     model m;
     const fit *f;
@@ -75,6 +78,8 @@ static double expected(const state *s, const tsuya_lamp_reading *r)
 
 static double measure(const fit *f, int i) { return f->value[i] + 0.02 * f->typical; }
 
+static tsuya_lamp_place place_of(const state *s) { return (tsuya_lamp_place){s->f->middle, s->m.to_lamp, s->m.inverse_m}; }
+
 static void residuals(double *row, const void *at)
 {
     const state *s = at;
@@ -92,10 +97,14 @@ static void residuals(double *row, const void *at)
     *prior++ = s->m.ambient / (f->typical * (f->free_lobe ? AMBIENT_PRIOR : HELD));
     *prior++ = (s->m.power - 2.0) / (f->free_power ? 1.0 : HELD);
     *prior++ = s->m.vignetting / (f->free_vignetting && f->free_lobe ? VIGNETTING_PRIOR : HELD);
-    for (int k = 0; k < f->extras; k++) {
+    for (int k = 0; k < f->first_shift; k++) {
         bool gain = (k - f->r->plates + 1) % OWN == 0;
         double sigma = k < f->r->plates - 1 ? PLATE_PRIOR : gain ? f->gain_sigma : GRADIENT_PRIOR;
         *prior++ = s->extra[k] / (f->free_extra || k < f->r->plates - 1 ? sigma : HELD);
+    }
+    if (f->balls) {
+        tsuya_lamp_place place = place_of(s);
+        tsuya_lamp_ball_rows(prior, f->balls, &place, s->extra + f->first_shift, f->sigma_px);
     }
 }
 
@@ -122,9 +131,13 @@ static tsuya_lamp_problem problem_of(const fit *f, state *s, double *nudge)
     for (int k = 0; k < REST + f->extras; k++) {
         nudge[k] = 1e-5;
     }
+    for (int k = f->first_shift; k < f->extras; k++) {
+        nudge[REST + k] = 1e-7;
+    }
     nudge[INVERSE] = 1e-5 / f->extent_m;
     nudge[AMBIENT] = 1e-5 * f->typical;
-    return (tsuya_lamp_problem){s, state_bytes(f), REST + f->extras, f->r->count + 7 + f->extras, residuals, move, nudge};
+    int rows = f->r->count + 7 + f->extras + (f->balls ? 2 * f->balls->highlights : 0);
+    return (tsuya_lamp_problem){s, state_bytes(f), REST + f->extras, rows, residuals, move, nudge};
 }
 
 /* Robust scatter, and Cauchy weights by it. */
@@ -209,15 +222,20 @@ static tsuya_status polish(state *s, fit *f, double *nudge, double *scratch, dou
     double cost;
     f->free_lobe = f->free_extra = true;
     f->gain_sigma = FIRST_GAIN;
+    f->sigma_px = FIRST_SIGMA_PX;
     s->m.falloff = s->m.falloff > 0.0 ? s->m.falloff : 0.5;
     int first = f->r->plates - 1, n = REST + f->extras;
     for (int round = 0; round < ROUNDS; round++) {
         tsuya_lamp_problem p = problem_of(f, s, nudge);
         reweigh(f, s, scratch);
         TSUYA_TRY(tsuya_lamp_descend(&cost, &p, 25));
+        if (f->balls) {
+            tsuya_lamp_place place = place_of(s);
+            f->sigma_px = tsuya_lamp_ball_sigma(f->balls, &place, s->extra + f->first_shift, f->sigma_px);
+        }
         if (round % 2 == 1 && tsuya_lamp_covariance(covariance, &p) == TSUYA_OK) {
             double sum = 0.0;
-            for (int k = first; k < f->extras; k += OWN) {
+            for (int k = first; k < f->first_shift; k += OWN) {
                 sum += s->extra[k] * s->extra[k] + covariance[(REST + k) * (n + 1)];
             }
             f->gain_sigma = fmin(fmax(sqrt(sum / f->r->photos), LEAST_GAIN), 0.1);
@@ -235,7 +253,7 @@ static double robust_cost(const fit *f, const state *s, double *scratch)
 }
 
 /* What the readings must offer before anything is solved. */
-static tsuya_status check_readings(const tsuya_lamp_readings *r)
+static tsuya_status check_readings(const tsuya_lamp_readings *r, bool balls)
 {
     if (2 * r->clipped > r->count + r->clipped) {
         return tsuya_fail(TSUYA_ERROR_INPUT, "the white of %d of %d tags is clipped; expose less (white at 80 %% of the range at most)", r->clipped,
@@ -254,7 +272,7 @@ static tsuya_status check_readings(const tsuya_lamp_readings *r)
         high = fmax(high, h);
         extent = fmax(extent, tsuya_vec3_norm(tsuya_vec3_sub(r->reading[i].position_m, first->position_m)));
     }
-    if (turn < tsuya_rad_from_deg(LEAST_TURN_DEG) && high - low < 0.25 * extent) {
+    if (!balls && turn < tsuya_rad_from_deg(LEAST_TURN_DEG) && high - low < 0.25 * extent) {
         return tsuya_fail(TSUYA_ERROR_INPUT, "the plate lies in one plane in all photographs (turned by %.0f degrees at most), which gives no lamp; "
                           "tilt it by 30 degrees and more to several sides", tsuya_deg_from_rad(turn));
     }
@@ -441,7 +459,12 @@ static tsuya_status finish(tsuya_lamp *lamp, fit *f, state *s, state *trial, dou
     for (int c = 0; c < 3; c++) { /* the level stands for the middle: intensity is what makes it there */
         lamp->rgb[c] *= lamp->far_away ? 1.0 : lamp->distance_m * lamp->distance_m;
     }
-    return check_power(lamp, f, trial, s, nudge, covariance);
+    TSUYA_TRY(check_power(lamp, f, trial, s, nudge, covariance));
+    if (f->balls) {
+        tsuya_lamp_place place = place_of(s);
+        tsuya_lamp_ball_settle(lamp, options->balls, &place, s->extra + f->first_shift);
+    }
+    return TSUYA_OK;
 }
 
 tsuya_lamp_options tsuya_lamp_options_default(void) { return (tsuya_lamp_options){.reflectance = 0.85}; }
@@ -449,10 +472,11 @@ tsuya_lamp_options tsuya_lamp_options_default(void) { return (tsuya_lamp_options
 tsuya_status tsuya_lamp_fit(tsuya_lamp *lamp, tsuya_lamp_readings *r, const tsuya_lamp_options *options)
 {
     tsuya_status status = TSUYA_OK;
-    fit f = {.r = r, .free_vignetting = !options->vignetting_known, .extras = r->plates - 1 + OWN * r->photos, .gain_sigma = FIRST_GAIN, .scale = 0.1};
+    fit f = {.r = r, .free_vignetting = !options->vignetting_known, .first_shift = r->plates - 1 + OWN * r->photos, .balls = options->balls, .sigma_px = FIRST_SIGMA_PX, .gain_sigma = FIRST_GAIN, .scale = 0.1};
     state *best[KEPT] = {0}, *trial = NULL;
     double cost[KEPT], *nudge = NULL, *scratch = NULL, *covariance = NULL, least = INFINITY;
-    TSUYA_TRY(check_readings(r));
+    f.extras = f.first_shift + (f.balls ? 2 * f.balls->balls : 0);
+    TSUYA_TRY(check_readings(r, options->balls != NULL));
     size_t n = (size_t)(REST + f.extras);
     TSUYA_NEW(status, f.value, (size_t)r->count);
     TSUYA_NEW(status, f.weight, (size_t)r->count);
@@ -471,7 +495,9 @@ tsuya_status tsuya_lamp_fit(tsuya_lamp *lamp, tsuya_lamp_readings *r, const tsuy
         }
     }
     TSUYA_GOTO_DONE(status, prepare(&f, r, scratch));
-    TSUYA_GOTO_DONE(status, check_changes(&f, scratch));
+    if (!f.balls) {
+        TSUYA_GOTO_DONE(status, check_changes(&f, scratch));
+    }
     TSUYA_GOTO_DONE(status, start(best, cost, &f, trial, nudge));
     int chosen = -1;
     for (int k = 0; k < KEPT && isfinite(cost[k]); k++) {

@@ -82,10 +82,18 @@ static void add_light(tsuya_json *list, const tsuya_lamp *lamp, int kind, double
     set_rgb(o, lamp->rgb, share);
 }
 
-static void set_lights(tsuya_json *object, const tsuya_lamp *lamp)
+/* Shares of the kinds; the deviation. */
+static double shares_of(double share[KINDS], const tsuya_lamp *lamp)
 {
-    double share[KINDS] = {1.0}, off = 0.0;
-    tsuya_json *list = tsuya_json_set_array(object, "lights");
+    for (int k = 0; k < KINDS; k++) {
+        share[k] = k == 0 ? 1.0 : 0.0;
+    }
+    return lamp->has_intensity ? compose(share, lamp) : 0.0;
+}
+
+void tsuya_lamp_add_lights(tsuya_json *list, const tsuya_lamp *lamp)
+{
+    double share[KINDS];
     if (lamp->far_away) {
         tsuya_json *o = tsuya_json_add_object(list);
         tsuya_json_set_text(o, "type", "directional");
@@ -93,15 +101,12 @@ static void set_lights(tsuya_json *object, const tsuya_lamp *lamp)
         set_rgb(o, lamp->rgb, 1.0);
         return;
     }
-    if (lamp->has_intensity) {
-        off = compose(share, lamp);
-    }
+    (void)shares_of(share, lamp);
     for (int k = 0; k < KINDS; k++) {
         if (share[k] > 0.0) {
             add_light(list, lamp, k, share[k]);
         }
     }
-    tsuya_json_set_number(object, "lobe_deviation", off);
 }
 
 static void set_plate(tsuya_json *object, const tsuya_lamp *lamp)
@@ -117,12 +122,12 @@ static void set_plate(tsuya_json *object, const tsuya_lamp *lamp)
     tsuya_json_set_number(object, "vignetting_corner", exp(lamp->vignetting));
 }
 
-void tsuya_lamp_to_json(tsuya_json *object, const tsuya_lamp *lamp)
+void tsuya_lamp_describe(tsuya_json *object, const tsuya_lamp *lamp)
 {
-    double sigma[3];
-    tsuya_json_set_text(object, "format", "tsuya light");
-    tsuya_json_set_text(object, "version", "1.0");
-    set_lights(object, lamp);
+    double sigma[3], share[KINDS];
+    if (!lamp->far_away) {
+        tsuya_json_set_number(object, "lobe_deviation", shares_of(share, lamp));
+    }
     tsuya_json *o = tsuya_json_set_object(object, "lamp");
     for (int i = 0; i < 3; i++) {
         sigma[i] = lamp->far_away ? INFINITY : sqrt(lamp->position_cov_m2[4 * i]);
@@ -143,8 +148,17 @@ void tsuya_lamp_to_json(tsuya_json *object, const tsuya_lamp *lamp)
         tsuya_json_set_number(object, "photos", lamp->photos);
         tsuya_json_set_number(object, "readings", lamp->readings);
         tsuya_json_set_number(object, "outliers", lamp->outliers);
-    } else {
+    }
+    if (lamp->highlights) {
         tsuya_json_set_number(object, "rms_px", lamp->rms_px);
         tsuya_json_set_number(object, "highlights", lamp->highlights);
     }
+}
+
+void tsuya_lamp_to_json(tsuya_json *object, const tsuya_lamp *lamp)
+{
+    tsuya_json_set_text(object, "format", "tsuya light");
+    tsuya_json_set_text(object, "version", "1.0");
+    tsuya_lamp_add_lights(tsuya_json_set_array(object, "lights"), lamp);
+    tsuya_lamp_describe(object, lamp);
 }

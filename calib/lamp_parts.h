@@ -21,6 +21,17 @@ TSUYA_MUST_CHECK tsuya_status tsuya_lamp_covariance(double *covariance, const ts
 void tsuya_lamp_tangents(tsuya_vec3 t[2], tsuya_vec3 n);
 /* A unit vector turned by (a, b) radians along its tangents. */
 tsuya_vec3 tsuya_lamp_turn(tsuya_vec3 u, double a, double b);
+/* Where a fit stands: middle + to_lamp / inverse_m. */
+typedef struct tsuya_lamp_place {
+    tsuya_vec3 middle, to_lamp;
+    double inverse_m;
+} tsuya_lamp_place;
+/* Rows of the highlights (two each, over sigma_px) and of the balls' shifts (two each, over what they were measured to). */
+void tsuya_lamp_ball_rows(double *row, const tsuya_lamp_balls *balls, const tsuya_lamp_place *place, const double *shift_m, double sigma_px);
+/* Scatter of the highlights from their residuals, where there are enough of them; else as it was. */
+double tsuya_lamp_ball_sigma(const tsuya_lamp_balls *balls, const tsuya_lamp_place *place, const double *shift_m, double sigma_px);
+/* The highlights' residuals; the balls go where they fit. */
+void tsuya_lamp_ball_settle(tsuya_lamp *lamp, tsuya_lamp_balls *balls, const tsuya_lamp_place *place, const double *shift_m);
 double tsuya_lamp_median(double *values, int n); /* sorts; NaN without any */
 
 #endif

@@ -83,11 +83,10 @@ static void add_cell(meter *m, int column, int row)
     m->cells++;
 }
 
-/* Length of the tag's shortest edge in the image; 0 where it does not project. */
-static double shortest_edge(const tsuya_board_tag *tag, const tsuya_camera *camera, tsuya_pose pose)
+/* The tag's corners in the image, and the length of its shortest edge; 0 where it does not project. */
+static double outline(tsuya_vec2 q[4], const tsuya_board_tag *tag, const tsuya_camera *camera, tsuya_pose pose)
 {
     double shortest = INFINITY;
-    tsuya_vec2 q[4];
     for (int c = 0; c < 4; c++) {
         if (!tsuya_camera_project(camera, tsuya_pose_apply(pose, (tsuya_vec3){tag->corner_m[c].x, tag->corner_m[c].y, 0}), &q[c])) {
             return 0.0;
@@ -118,7 +117,8 @@ static tsuya_status read_tag(tsuya_lamp_readings *r, const tsuya_image *photo, c
     const tsuya_solve_view *v = &s->view[view];
     tsuya_tag_pattern pattern;
     meter m = {.photo = photo, .camera = &s->camera, .camera_from_plate = v->camera_from_plate, .tag = &s->board->tag[tag], .pattern = &pattern};
-    double edge = shortest_edge(m.tag, m.camera, m.camera_from_plate);
+    tsuya_lamp_reading reading = {.photo = v->photo, .plate = v->plate};
+    double edge = reading.size_px = outline(reading.outline_px, m.tag, m.camera, m.camera_from_plate);
     TSUYA_TRY(tsuya_tag_pattern_create(&pattern, s->board->family, s->board->border_bits, s->board->tag[tag].id));
     m.cell_px = edge / pattern.border_width;
     for (int i = 0; m.cell_px >= CELL_PX && i < pattern.width * pattern.width; i++) {
@@ -135,7 +135,6 @@ static tsuya_status read_tag(tsuya_lamp_readings *r, const tsuya_image *photo, c
         r->clipped++;
         return TSUYA_OK;
     }
-    tsuya_lamp_reading reading = {.photo = v->photo, .plate = v->plate, .size_px = edge};
     tsuya_vec3 place = {m.place[0] / m.cells, m.place[1] / m.cells, 0};
     if (!tsuya_camera_project(m.camera, tsuya_pose_apply(m.camera_from_plate, place), &reading.pixel)) {
         return TSUYA_OK;

@@ -83,6 +83,77 @@ static void test_lamps_come_back(void **state)
     assert_true(l.far_away && degrees(l.to_lamp, far.position_m) < 1.0);
 }
 
+/* Where a ball shows the lamp: the normal that halves the way to the eye and the way to the lamp, from the shortest way's own condition. */
+static tsuya_vec3 shown_at(tsuya_vec3 eye, tsuya_vec3 lamp, tsuya_vec3 center, double radius)
+{
+    tsuya_vec3 q = tsuya_vec3_mad(center, radius, tsuya_vec3_unit(tsuya_vec3_sub(eye, center)));
+    for (int k = 0; k < 200; k++) {
+        tsuya_vec3 n = tsuya_vec3_unit(tsuya_vec3_add(tsuya_vec3_unit(tsuya_vec3_sub(eye, q)), tsuya_vec3_unit(tsuya_vec3_sub(lamp, q))));
+        q = tsuya_vec3_mad(center, radius, n);
+    }
+    return q;
+}
+
+enum { BALLS = 2, VIEWS = 5 };
+
+/* Two balls on a mat that lies still, five photographs: highlights within 0.3 px, balls within 0.5 mm of where they are said to be. */
+static void make_highlights(tsuya_lamp_balls *b, const lamp_truth *l, const tsuya_camera *camera, uint64_t seed)
+{
+    static const double place[BALLS][2] = {{-0.04, 0.05}, {0.20, 0.08}};
+    *b = (tsuya_lamp_balls){tsuya_calloc(BALLS, sizeof *b->ball), tsuya_calloc(BALLS * VIEWS, sizeof *b->highlight), BALLS, 0, camera};
+    for (int k = 0; k < BALLS; k++) {
+        double dx = 0.0005 * tsuya_random_normal(seed, 11, 2 * (uint64_t)k), dy = 0.0005 * tsuya_random_normal(seed, 11, 2 * (uint64_t)k + 1);
+        b->ball[k] = (tsuya_lamp_ball){place[k][0] + dx, place[k][1] + dy, 0.03};
+        for (int v = 0; v < VIEWS; v++) {
+            tsuya_lamp_highlight *h = &b->highlight[b->highlights++];
+            tsuya_vec3 eye = {0.08 + 0.35 * sin(1.3 * v), -0.5 + 0.12 * v, 0.6 - 0.03 * v};
+            *h = (tsuya_lamp_highlight){.ball = k, .photo = v, .camera_from_world = tsuya_pose_look_at(eye, (tsuya_vec3){0.08, 0.06, 0.0}, (tsuya_vec3){0, 0, 1})};
+            tsuya_vec3 q = shown_at(eye, l->position_m, (tsuya_vec3){place[k][0], place[k][1], 0.015}, 0.015);
+            assert_true(tsuya_camera_project(camera, tsuya_pose_apply(h->camera_from_world, q), &h->pixel));
+            h->pixel.x += 0.3 * tsuya_random_normal(seed, 12, 2 * (uint64_t)b->highlights);
+            h->pixel.y += 0.3 * tsuya_random_normal(seed, 12, 2 * (uint64_t)b->highlights + 1);
+        }
+    }
+}
+
+/* Balls alone, and balls with the white of the mat that they lie on: errors and what was stated. */
+static void test_balls_with_white(void **state)
+{
+    (void)state;
+    static const tsuya_camera camera = {.lens = TSUYA_LENS_PINHOLE, .width_px = 1600, .height_px = 1200, .fx_px = 2500, .fy_px = 2500, .cx_px = 800, .cy_px = 600};
+    lamp_truth truth = lamp_usual();
+    truth.gloss = 0.0;
+    double alone = 0.0, both = 0.0, stated = 0.0, level = 0.0;
+    for (int k = 0; k < RUNS / 2; k++) {
+        tsuya_lamp lamp, joint;
+        tsuya_lamp_readings r;
+        tsuya_lamp_balls b;
+        tsuya_lamp_options options = tsuya_lamp_options_default();
+        options.vignetting_known = true;
+        make_readings(&r, &truth, VIEWS, 0.005, 0.003, 300 + (uint64_t)k, 0.0); /* lies flat in all of them */
+        make_highlights(&b, &truth, &camera, 300 + (uint64_t)k);
+        assert_ok(tsuya_lamp_ball_fit(&lamp, &b));
+        tsuya_free(b.ball);
+        tsuya_free(b.highlight);
+        make_highlights(&b, &truth, &camera, 300 + (uint64_t)k);
+        options.balls = &b;
+        assert_ok(tsuya_lamp_fit(&joint, &r, &options));
+        tsuya_free(b.ball);
+        tsuya_free(b.highlight);
+        assert_true(joint.has_intensity && joint.highlights == BALLS * VIEWS && joint.rms_px < 1.0 && joint.rms < 0.01);
+        tsuya_vec3 e = tsuya_vec3_sub(lamp.position_m, truth.position_m), f = tsuya_vec3_sub(joint.position_m, truth.position_m);
+        alone += tsuya_vec3_dot(e, e);
+        both += tsuya_vec3_dot(f, f);
+        stated += joint.position_cov_m2[0] + joint.position_cov_m2[4] + joint.position_cov_m2[8];
+        level = fmax(level, fabs(joint.rgb[1] / joint.rgb[0] - 0.8));
+        tsuya_lamp_readings_free(&r);
+    }
+    printf("two balls on a mat: %.1f mm off alone, %.1f mm with its white (stated over observed sigma %.2f)\n", 1e3 * sqrt(2 * alone / RUNS), 1e3 * sqrt(2 * both / RUNS),
+           sqrt(stated / both));
+    assert_true(both < alone && level < 0.005);
+    assert_true(sqrt(stated / both) > 0.67 && sqrt(stated / both) < 1.5);
+}
+
 /* Stated over observed sigma of the place, over many draws of noise and exposure. */
 static void test_sigmas_are_honest(void **state)
 {
@@ -180,6 +251,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_lamps_come_back),
+        cmocka_unit_test(test_balls_with_white),
         cmocka_unit_test(test_sigmas_are_honest),
         cmocka_unit_test(test_shadows_and_hands_are_left_out),
         cmocka_unit_test(test_refusals),

@@ -1,4 +1,5 @@
-/* Photographs that mislead: exposed row by row in changing light, a board in a mirror, a board that the image cuts, a bent board. */
+/* Photographs that mislead: exposed row by row in changing light, a board in a mirror, a board that the image cuts, a bent board, tags with
+ * ids that are not the board's or not there, a hand on the board, 16 bits of a dark linear file, blur by motion. */
 #include "scene.h"
 #include "support.h"
 
@@ -163,9 +164,102 @@ static void test_bent_board(void **state)
     tsuya_board_free(&board);
 }
 
+/* A board that is printed otherwise than its file says: two tags have changed places, one has an id that the file does not know. */
+static void test_wrong_ids(void **state)
+{
+    (void)state;
+    tsuya_board board, printed;
+    tsuya_image photo;
+    scene_look look = scene_look_default();
+    tsuya_pose pose = plate_pose(0, 0, 0.45);
+    board_of(&board);
+    board_of(&printed);
+    int swapped = printed.tag[3].id;
+    printed.tag[3].id = printed.tag[16].id;
+    printed.tag[16].id = swapped;
+    printed.tag[8].id = 300;
+    draw(&photo, &printed, pose, &look);
+    outcome o = detect(&photo, &board, pose, "two tags swapped, one foreign");
+    assert_int_equal(o.tags, COLS * ROWS - 3);
+    assert_int_equal(o.report.rejected.misplaced, 2);
+    assert_int_equal(o.report.rejected.foreign, 1);
+    assert_true(o.worst_px < 0.3);
+    tsuya_image_free(&photo);
+    tsuya_board_free(&board);
+    tsuya_board_free(&printed);
+}
+
+/* A hand over part of the board, its edge across tags: what is covered is not invented, and the corners beside it know what they are worth. */
+static void test_covered(void **state)
+{
+    (void)state;
+    tsuya_board board;
+    tsuya_image light, photo;
+    tsuya_camera cam = camera();
+    scene_look look = scene_look_default();
+    tsuya_pose pose = plate_pose(0, 0, 0.45);
+    board_of(&board);
+    scene_begin(&light, W, H, &look);
+    scene_plate(&light, &board, 0, &cam, pose, &look);
+    for (int y = 0; y < H; y++) {
+        for (int x = 0; x < W; x++) {
+            double across = 0.8 * (x - 640) + 0.6 * (y - 480), along = -0.6 * (x - 640) + 0.8 * (y - 480);
+            if (fabs(across + 20.0 * sin(along / 40.0)) < 70.0 && along < 120.0) {
+                *tsuya_image_f32(&light, x, y) = (float)(0.45 + 0.05 * sin(along / 17.0));
+            }
+        }
+    }
+    scene_end(&photo, &light, &look);
+    outcome o = detect(&photo, &board, pose, "a hand on the board");
+    assert_true(o.tags >= COLS * ROWS / 2 && o.tags < COLS * ROWS);
+    assert_true(o.rms_px <= 0.10 && o.sigma_ratio < 1.5); /* corners at the hand are worse, and say so */
+    tsuya_image_free(&photo);
+    tsuya_board_free(&board);
+}
+
+/* 16 bits of linear light as raw files have them, white at a fifth of the range, noise below one of 8 bits' steps. */
+static void test_raw(void **state)
+{
+    (void)state;
+    tsuya_board board;
+    tsuya_image photo;
+    scene_look look = scene_look_default();
+    look.sample = TSUYA_SAMPLE_U16;
+    look.black = 0.01;
+    look.white = 0.20;
+    look.background = 0.05;
+    look.noise = 0.0008;
+    board_of(&board);
+    draw(&photo, &board, plate_pose(0, 0, 0.45), &look);
+    outcome o = detect(&photo, &board, plate_pose(0, 0, 0.45), "16 bits, dark");
+    assert_int_equal(o.corners, 4 * COLS * ROWS);
+    assert_true(o.rms_px <= 0.04);
+    tsuya_image_free(&photo);
+    tsuya_board_free(&board);
+}
+
+/* Six pixels of motion: the corners say how uncertain they are, the report how blurred. */
+static void test_motion(void **state)
+{
+    (void)state;
+    tsuya_board board;
+    tsuya_image photo;
+    scene_look look = scene_look_default();
+    look.motion_px[0] = 6.0;
+    board_of(&board);
+    draw(&photo, &board, plate_pose(0, 0, 0.45), &look);
+    outcome o = detect(&photo, &board, plate_pose(0, 0, 0.45), "motion of 6 px");
+    assert_true(o.tags >= COLS * ROWS - 2);
+    assert_true(o.report.blur_high_px > 1.2); /* 6 / sqrt(12) is 1.7 */
+    assert_true(o.sigma_ratio > 0.5 && o.sigma_ratio < 2.0);
+    tsuya_image_free(&photo);
+    tsuya_board_free(&board);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_wrong_ids), cmocka_unit_test(test_covered), cmocka_unit_test(test_raw), cmocka_unit_test(test_motion),
         cmocka_unit_test(test_rolling_exposure), cmocka_unit_test(test_mirror), cmocka_unit_test(test_seen_twice),
         cmocka_unit_test(test_image_edge), cmocka_unit_test(test_bent_board),
     };

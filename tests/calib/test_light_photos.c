@@ -186,6 +186,40 @@ static void test_plate(void **state)
     assert_true(tsuya_path_exists(test_path("light.png")));
 }
 
+/* Two folders, a lamp each; the camera stands where it stood. */
+static void test_two_lamps(void **state)
+{
+    (void)state;
+    lamp_truth left = lamp_usual(), right = lamp_usual();
+    tsuya_json *root;
+    double position[3];
+    right.position_m = (tsuya_vec3){-0.35, 0.25, 0.75};
+    right.direction = (tsuya_vec3){0.40, -0.20, -0.75};
+    draw_plates(&right, "right", 8, 0.7, false);
+    if (run("plate/ right/ --color color.json -o lamps.json") != 0) {
+        fail_msg("%s", output);
+    }
+    assert_ok(tsuya_json_load(&root, test_path("lamps.json")));
+    const tsuya_json *lamps = tsuya_json_member(root, "lamps");
+    assert_int_equal(tsuya_json_count(lamps), 2);
+    for (int k = 0; k < 2; k++) {
+        const tsuya_json *lamp = tsuya_json_element(lamps, k);
+        tsuya_vec3 want = tsuya_pose_apply(tsuya_pose_inverse(lamp_plate(0)), k ? right.position_m : left.position_m);
+        assert_string_equal(tsuya_json_text_or(tsuya_json_member(lamp, "name"), ""), k ? "right" : "plate");
+        assert_ok(tsuya_json_get_numbers(position, 3, tsuya_json_member(lamp, "lamp"), "position_m"));
+        printf("lamp %s: %.1f mm off\n", k ? "right" : "plate", 1e3 * away(position, want));
+        assert_true(away(position, want) < 0.03);
+    }
+    tsuya_json_free(root);
+    left.gloss = left.ambient = right.gloss = right.ambient = 0.0;
+    tsuya_vec3 p = {0.07, 0.05, 0.0}, n = {0, 0, 1}, at = tsuya_pose_apply(lamp_plate(0), p), eye = {0, -0.5, 0.8};
+    double real = 0.7 * M_PI / 0.85 * (lamp_radiance(&left, at, n, eye) + lamp_radiance(&right, at, n, eye));
+    assert_near(written_irradiance(test_path("lamps.json"), p, n) / real, 1.0, 0.03);
+    assert_true(tsuya_path_exists(test_path("lamps_right.png")) && tsuya_path_exists(test_path("lamps_plate.png")));
+    assert_refused("plate plate/IMG_00.tif -o none.json", "a folder for each lamp");
+    assert_refused("plate right/../plate -o none.json", "each folder names a lamp");
+}
+
 static void test_refusals(void **state)
 {
     (void)state;
@@ -239,7 +273,9 @@ static void test_balls(void **state)
     static const double place[2][2] = {{-0.04, 0.05}, {0.20, 0.08}};
     tsuya_board board;
     tsuya_camera cam = camera();
-    tsuya_vec3 lamp = {0.35, 0.30, 0.55};
+    lamp_truth truth = lamp_usual();
+    truth.position_m = (tsuya_vec3){0.35, 0.30, 0.55};
+    tsuya_vec3 lamp = truth.position_m;
     begin();
     assert_ok(tsuya_board_load(&board, test_path("board.yaml")));
     assert_ok(tsuya_folder_make(test_path("balls")));
@@ -249,7 +285,9 @@ static void test_balls(void **state)
         tsuya_vec3 eye = {0.08 + 0.35 * sin(1.3 * k), -0.5 + 0.12 * k, 0.6 - 0.03 * k};
         tsuya_pose from_world = tsuya_pose_look_at(eye, (tsuya_vec3){0.08, 0.06, 0.0}, (tsuya_vec3){0, 0, 1});
         scene_look look = look_of(k);
-        look.white = 0.4;
+        shine s = {&truth, tsuya_pose_identity(), 0.4, eye};
+        look.light = shine_at;
+        look.light_user = &s;
         scene_begin(&image, W, H, &look);
         scene_plate(&image, &board, 0, &cam, from_world, &look);
         for (int b = 0; b < 2; b++) {
@@ -272,6 +310,22 @@ static void test_balls(void **state)
     double size = sqrt(sigma[0] * sigma[0] + sigma[1] * sigma[1] + sigma[2] * sigma[2]);
     printf("balls: lamp %.1f mm off (sigma %.1f %.1f %.1f mm), highlights %.2f px\n", 1e3 * away(position, lamp), 1e3 * sigma[0], 1e3 * sigma[1], 1e3 * sigma[2], rms);
     assert_true(away(position, lamp) < 0.05 && away(position, lamp) < 2.5 * size && rms < 0.6);
+    /* The mat's white beside the balls: place and irradiance from one estimate. */
+    if (run("balls --white --ball '-40,50,30' --ball '200,80,30' -o both.json") != 0) {
+        fail_msg("%s", output);
+    }
+    assert_ok(tsuya_json_load(&root, test_path("both.json")));
+    assert_ok(tsuya_json_get_numbers(position, 3, tsuya_json_member(root, "lamp"), "position_m"));
+    assert_ok(tsuya_json_get_numbers(sigma, 3, tsuya_json_member(root, "lamp"), "position_sigma_m"));
+    tsuya_json_free(root);
+    size = sqrt(sigma[0] * sigma[0] + sigma[1] * sigma[1] + sigma[2] * sigma[2]);
+    truth.gloss = truth.ambient = 0.0;
+    tsuya_vec3 p = {0.07, 0.05, 0.0}, n = {0, 0, 1};
+    double real = 0.4 * M_PI / 0.85 * lamp_radiance(&truth, p, n, (tsuya_vec3){0, -0.5, 0.8}), written = written_irradiance(test_path("both.json"), p, n);
+    printf("balls and white: lamp %.1f mm off (sigma %.1f %.1f %.1f mm), irradiance of the mat %.1f %% off\n", 1e3 * away(position, lamp), 1e3 * sigma[0], 1e3 * sigma[1],
+           1e3 * sigma[2], 100.0 * (written / real - 1.0));
+    assert_true(away(position, lamp) < 0.04 && away(position, lamp) < 2.5 * size);
+    assert_near(written / real, 1.0, 0.03);
     assert_refused("balls --ball '-40,50,30; IMG_0.tif' -o none.json", "no distance");
     assert_refused("balls --ball '-40,50' -o none.json", "X,Y,DIAMETER");
     assert_refused("balls --ball '-40,50,30; IMG_9.tif' -o none.json", "none of the photographs");
@@ -281,6 +335,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_plate),
+        cmocka_unit_test(test_two_lamps),
         cmocka_unit_test(test_refusals),
         cmocka_unit_test(test_balls),
     };
