@@ -221,19 +221,51 @@ done:
     return status;
 }
 
+/* What one family is smoothed with; the weft's is the field's own. */
+typedef struct family {
+    float *angle_rad;
+    tsuya_complex *z, *target;
+    double *pull;
+} family;
+
 /* Smooths one family as a field of lines about its labels. */
-static tsuya_status solve_family(field *f, float *angle_rad)
+static tsuya_status solve_family(const field *f, const family *own)
 {
     for (size_t v = 0; v < f->mesh->vertex_count; v++) {
         const tsuya_evidence *e = &f->evidence[v];
-        double start = (double)angle_rad[v];
-        double own = (double)(nearer_family(e, start) ? e->b_rad : e->a_rad);
-        set_target(f, v, own, 2, (double)(e->weight * f->keep[v]));
-        f->z[v] = (tsuya_complex){cos(2.0 * start), sin(2.0 * start)};
+        double start = (double)own->angle_rad[v], line = (double)(nearer_family(e, start) ? e->b_rad : e->a_rad);
+        own->target[v] = (tsuya_complex){cos(2.0 * line), sin(2.0 * line)};
+        own->pull[v] = (double)(e->weight * f->keep[v]) * area_scale(f, v);
+        own->z[v] = (tsuya_complex){cos(2.0 * start), sin(2.0 * start)};
     }
-    TSUYA_TRY(tsuya_smooth_directions(f->z, f->target, f->pull, f->edge_scale, 2, &f->graph, f->context));
-    set_angles(angle_rad, f->z, 2, f->mesh->vertex_count);
+    TSUYA_TRY(tsuya_smooth_directions(own->z, own->target, own->pull, f->edge_scale, 2, &f->graph, f->context));
+    set_angles(own->angle_rad, own->z, 2, f->mesh->vertex_count);
     return TSUYA_OK;
+}
+
+/* Each for itself, side by side. */
+static tsuya_status solve_families(field *f)
+{
+    tsuya_status status = TSUYA_OK;
+    tsuya_failure failure = {0};
+    family both[2] = {{f->weft_rad, f->z, f->target, f->pull}, {.angle_rad = f->warp_rad}};
+    TSUYA_NEW(status, both[1].z, f->mesh->vertex_count);
+    TSUYA_NEW(status, both[1].target, f->mesh->vertex_count);
+    TSUYA_NEW(status, both[1].pull, f->mesh->vertex_count);
+#pragma omp parallel for schedule(static, 1) num_threads(f->context->threads < 2 ? 1 : 2)
+    for (int k = 0; k < 2; k++) {
+        tsuya_status own = solve_family(f, &both[k]);
+        if (own != TSUYA_OK) {
+#pragma omp critical(tsuya_weave_families)
+            tsuya_failure_keep(&failure, (size_t)k, own);
+        }
+    }
+    status = tsuya_failure_raise(&failure);
+done:
+    tsuya_free(both[1].z);
+    tsuya_free(both[1].target);
+    tsuya_free(both[1].pull);
+    return status;
 }
 
 /* No threads anywhere: along the texture. */
@@ -340,8 +372,7 @@ static tsuya_status solve(field *f)
     }
     TSUYA_TRY(solve_cross(f));
     TSUYA_TRY(label(f));
-    TSUYA_TRY(solve_family(f, f->warp_rad));
-    TSUYA_TRY(solve_family(f, f->weft_rad));
+    TSUYA_TRY(solve_families(f));
     return set_signs(f);
 }
 
