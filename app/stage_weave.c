@@ -4,6 +4,7 @@
 
 #include "core/camera.h"
 #include "core/file.h"
+#include "core/raster.h"
 #include "weave_detect/mesh_field.h"
 #include "weave_detect/patches.h"
 
@@ -69,30 +70,49 @@ tsuya_status tsuya_stage_weave_plan(tsuya_stage_plan *plan, const tsuya_stage_ru
     return TSUYA_OK;
 }
 
-/* Threads drawn on a photograph, for the report. */
-static tsuya_status draw_overlay(const tsuya_stage_run *run, const char *name)
+/* White where the photograph sees the surface. */
+static tsuya_status draw_silhouette(tsuya_image *mask, const tsuya_mesh *mesh, const tsuya_camera *camera, tsuya_pose camera_from_world,
+                                    const tsuya_context *context)
 {
-    tsuya_image photo = {0}, picture = {0};
+    tsuya_raster raster = {0};
+    tsuya_status status;
+    TSUYA_GOTO_DONE(status, tsuya_raster_create(&raster, camera->width_px, camera->height_px));
+    TSUYA_GOTO_DONE(status, tsuya_raster_draw(&raster, mesh, camera, camera_from_world, context));
+    TSUYA_GOTO_DONE(status, tsuya_image_create(mask, camera->width_px, camera->height_px, 1, TSUYA_SAMPLE_U8, TSUYA_ENCODING_DATA));
+    for (size_t p = 0; p < (size_t)camera->width_px * (size_t)camera->height_px; p++) {
+        ((uint8_t *)mask->data)[p] = raster.triangle[p] == UINT32_MAX ? 0 : 255;
+    }
+done:
+    tsuya_raster_free(&raster);
+    return status;
+}
+
+/* Threads drawn on a photograph where it sees the surface, for the report. */
+static tsuya_status draw_overlay(const tsuya_stage_run *run, const tsuya_mesh *mesh, const tsuya_view *view, const tsuya_camera *camera)
+{
+    tsuya_image photo = {0}, mask = {0}, picture = {0};
     tsuya_patch_grid grid = {0};
     tsuya_patch_options options = tsuya_patch_options_default();
-    const char *in = tsuya_job_path(run->job, "reconstruct/dense/images/%s", name);
-    const char *out = tsuya_job_path(run->job, "weave/overlay/%s.jpg", name);
+    const char *in = tsuya_job_path(run->job, "reconstruct/dense/images/%s", view->name);
+    const char *out = tsuya_job_path(run->job, "weave/overlay/%s.jpg", view->name);
     tsuya_status status = in && out ? TSUYA_OK : TSUYA_ERROR_MEMORY;
     TSUYA_GOTO_DONE(status, status);
     TSUYA_GOTO_DONE(status, tsuya_image_load(&photo, in));
     if (photo.width_px >= options.patch_px && photo.height_px >= options.patch_px) {
-        TSUYA_GOTO_DONE(status, tsuya_patches_detect(&grid, &photo, NULL, &options, run->context));
+        TSUYA_GOTO_DONE(status, draw_silhouette(&mask, mesh, camera, view->camera_from_world, run->context));
+        TSUYA_GOTO_DONE(status, tsuya_patches_detect(&grid, &photo, &mask, &options, run->context));
         TSUYA_GOTO_DONE(status, tsuya_patches_overlay(&picture, &photo, &grid));
         TSUYA_GOTO_DONE(status, tsuya_image_save(&picture, out, NULL));
     }
 done:
     tsuya_image_free(&photo);
+    tsuya_image_free(&mask);
     tsuya_image_free(&picture);
     tsuya_patches_free(&grid);
     return status;
 }
 
-static tsuya_status draw_overlays(const tsuya_stage_run *run)
+static tsuya_status draw_overlays(const tsuya_stage_run *run, const tsuya_mesh *mesh)
 {
     tsuya_sparse_model model = {0};
     const char *sparse = tsuya_job_path(run->job, "reconstruct/dense/sparse"), *folder = tsuya_job_path(run->job, "weave/overlay");
@@ -105,7 +125,8 @@ static tsuya_status draw_overlays(const tsuya_stage_run *run)
     tsuya_status status = TSUYA_OK;
     int count = model.view_count < OVERLAYS ? model.view_count : OVERLAYS;
     for (int i = 0; status == TSUYA_OK && i < count; i++) {
-        status = draw_overlay(run, model.view[(long long)i * model.view_count / count].name);
+        const tsuya_view *view = &model.view[(long long)i * model.view_count / count];
+        status = draw_overlay(run, mesh, view, &model.camera[view->camera]);
     }
     tsuya_sparse_model_free(&model);
     return status;
@@ -200,7 +221,7 @@ tsuya_status tsuya_stage_weave_run(const tsuya_stage_run *run)
         TSUYA_GOTO_DONE(status, assign_materials(&mesh, run));
     }
     TSUYA_GOTO_DONE(status, tsuya_ply_save(&mesh, out, NULL));
-    TSUYA_GOTO_DONE(status, draw_overlays(run));
+    TSUYA_GOTO_DONE(status, draw_overlays(run, &mesh));
     TSUYA_GOTO_DONE(status, tsuya_json_save(run->figures, json));
 done:
     tsuya_weave_mesh_info_free(&info);

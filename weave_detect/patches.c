@@ -20,6 +20,8 @@ void tsuya_patches_free(tsuya_patch_grid *grid)
     *grid = (tsuya_patch_grid){0};
 }
 
+static bool is_white(const tsuya_image *mask, int x, int y) { return tsuya_image_get(mask, x, y, 0) >= 0.5f; }
+
 /* At least half of the patch is white, by a grid of 16 × 16 looks. */
 static bool kept_by_mask(const tsuya_image *mask, int x0, int y0, int n)
 {
@@ -28,11 +30,13 @@ static bool kept_by_mask(const tsuya_image *mask, int x0, int y0, int n)
         return true;
     }
     for (int k = 0; k < 256; k++) {
-        int x = x0 + (2 * (k % 16) + 1) * n / 32, y = y0 + (2 * (k / 16) + 1) * n / 32;
-        white += tsuya_image_get(mask, x, y, 0) >= 0.5f;
+        white += is_white(mask, x0 + (2 * (k % 16) + 1) * n / 32, y0 + (2 * (k / 16) + 1) * n / 32);
     }
     return white >= 128;
 }
+
+/* What a patch says is said of its middle. */
+static bool middle_is_kept(const tsuya_image *mask, int x, int y) { return !mask || !mask->data || is_white(mask, x, y); }
 
 /* Windows of twice the patch's side stand a side apart; the last of a row stands flush with the image's rim. */
 typedef struct patch_job {
@@ -116,7 +120,7 @@ static void follow_in_row(const patch_job *job, tsuya_detector *detector, float 
         tsuya_patch *patch = &grid->patch[(size_t)row * (size_t)grid->columns + (size_t)column];
         patch->x_px = x0 + 0.5 * (n - 1);
         patch->y_px = y0 + 0.5 * (n - 1);
-        if (kept_by_mask(job->mask, x0, y0, n)) {
+        if (kept_by_mask(job->mask, x0, y0, n) && middle_is_kept(job->mask, x0 + n / 2, y0 + n / 2)) {
             copy_values(values, job->grey, x0, y0, n);
             tsuya_detector_follow(detector, &patch->threads, best, choose_windows(best, job, x0, y0), values);
         }

@@ -30,7 +30,7 @@ TSUYA_API tsuya_patch_options tsuya_patch_options_default(void);
 
 static inline size_t tsuya_patch_count(const tsuya_patch_grid *grid) { return (size_t)grid->columns * (size_t)grid->rows; }
 
-/* `mask`: white keeps; patches less than half white are empty (confidence 0); NULL or an empty image: everything is kept.
+/* `mask`: white keeps; patches less than half white or with a black middle are empty (confidence 0); NULL or an empty image: everything is kept.
  * The first patch stands in the image's corner; an image smaller than a patch is an error.  O(pixels), the same result for any
  * number of threads. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_patches_detect(tsuya_patch_grid *grid, const tsuya_image *image,

@@ -158,6 +158,12 @@ static void test_grey_and_masked_patches_are_empty(void **state)
     assert_float_equal(grid.patch[4].threads.confidence, 0.0, 0.0);
     assert_false(grid.patch[4].threads.a.seen || grid.patch[4].threads.b.seen);
     tsuya_patches_free(&grid);
+    for (int i = 0; i < 24 * 24; i++) { /* a hole in the middle of patch 2 */
+        *tsuya_image_u8(&mask, 84 + i % 24, 20 + i / 24) = 0;
+    }
+    detect(&grid, &image, &mask, 1);
+    assert_false(grid.patch[2].threads.a.seen);
+    tsuya_patches_free(&grid);
     tsuya_image_free(&image);
     tsuya_image_free(&mask);
 }
