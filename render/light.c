@@ -63,6 +63,7 @@ static void derive(tsuya_light *l)
     l->area_m2 = l->kind == TSUYA_LIGHT_RECT   ? l->size_m[0] * l->size_m[1]
                  : l->kind == TSUYA_LIGHT_DISK ? M_PI / 4.0 * l->size_m[0] * l->size_m[0]
                                                : 0.0;
+    l->reach_m = 0.5 * hypot(l->size_m[0], l->size_m[1]);
 }
 
 tsuya_status tsuya_light_set_add(tsuya_light_set *set, const tsuya_light *light, const char *name)
@@ -220,7 +221,8 @@ static void environment_radiance(const tsuya_light *l, tsuya_vec3 direction, dou
 
 static double constant_pdf(tsuya_vec3 n, tsuya_vec3 direction)
 {
-    return fmax(0.0, tsuya_vec3_dot(n, direction)) / M_PI;
+    double cosine = tsuya_vec3_dot(n, direction);
+    return cosine > 0.0 ? cosine / M_PI : 0.0;
 }
 
 static bool sample_environment(const tsuya_light *l, tsuya_vec3 n, const double u[2], tsuya_light_sample *s)
@@ -306,14 +308,14 @@ double tsuya_light_weight(const tsuya_light *l, tsuya_vec3 p, tsuya_vec3 n)
         return cosine > 0.0 ? cosine * l->luminance : 0.0;
     }
     tsuya_vec3 d = tsuya_vec3_sub(l->position_m, p);
-    double r2 = tsuya_vec3_dot(d, d), r = sqrt(r2), reach = 0.5 * hypot(l->size_m[0], l->size_m[1]);
+    double r2 = tsuya_vec3_dot(d, d), r = sqrt(r2), reach = l->reach_m;
     /* the highest point of the lamp over the surface decides whether it is seen at all */
     double cosine = (tsuya_vec3_dot(n, d) + reach) / (r + reach);
     if (!(r > 0.0) || !(cosine > 0.0)) {
         return 0.0;
     }
     if (l->area_m2 > 0.0) {
-        double emitted = fmax(0.05, -tsuya_vec3_dot(d, l->direction) / r);
+        double facing = -tsuya_vec3_dot(d, l->direction), emitted = facing > 0.05 * r ? facing / r : 0.05;
         return l->luminance * l->area_m2 * cosine * emitted / (r2 + l->area_m2 / M_PI);
     }
     return l->luminance * cosine / r2;

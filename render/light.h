@@ -33,7 +33,7 @@ typedef struct tsuya_light {
     tsuya_lamp_spectrum *spectrum; /* owned by the set */
     /* Set by tsuya_light_set_add: */
     tsuya_vec3 side;        /* unit, direction × up */
-    double area_m2;
+    double area_m2, reach_m; /* reach: half the lamp's diagonal */
     double luminance;       /* of rgb, of the map's mean for maps */
     tsuya_environment *map; /* owned by the set; NULL for a constant environment */
 } tsuya_light;

@@ -94,33 +94,43 @@ static void straighten(picture *p)
     p->base = tsuya_mat3_apply_transposed(r, (tsuya_vec3){-c->cx_px / c->fx_px, -c->cy_px / c->fy_px, 1.0});
 }
 
+/* Directions of the next samples of a pixel; returns how many the lens inverts (these come first). */
+static int camera_rays(const picture *p, int x, int y, tsuya_sampler first, int wanted, tsuya_camera_path path[TSUYA_RAY_PACKET])
+{
+    uint32_t key[TSUYA_SAMPLER_LANES], sample[TSUYA_SAMPLER_LANES];
+    double u[2][TSUYA_SAMPLER_LANES];
+    int count = 0;
+    for (uint32_t k = 0; k < TSUYA_SAMPLER_LANES; ++k) {
+        key[k] = first.key;
+        sample[k] = first.sample + k;
+    }
+    tsuya_sampler_pairs(key, sample, TSUYA_PAIR_PIXEL, u);
+    for (int k = 0; k < wanted; ++k) {
+        path[count].sampler = (tsuya_sampler){first.key, sample[k]};
+        path[count].origin = p->eye;
+        count += camera_ray(p, x - 0.5 + u[0][k], y - 0.5 + u[1][k], &path[count].direction);
+    }
+    return count;
+}
+
 static uint64_t render_pixel(const picture *p, int x, int y)
 {
     size_t k = (size_t)y * (size_t)p->camera->width_px + (size_t)x;
     pixel_sum *sum = &p->sum[k];
     uint64_t rays = 0;
     tsuya_camera_path path[TSUYA_RAY_PACKET];
-    const tsuya_sampler first = tsuya_sampler_start(p->seed, k, 0);
+    tsuya_sampler next = tsuya_sampler_start(p->seed, k, 0);
     while (sum->samples < p->target[k]) {
         const double black[3] = {0, 0, 0};
-        int wanted = (int)(p->target[k] - sum->samples), count = 0, lost = 0;
+        int wanted = (int)(p->target[k] - sum->samples);
         wanted = wanted < TSUYA_RAY_PACKET ? wanted : TSUYA_RAY_PACKET;
-        for (int i = 0; i < wanted; ++i) {
-            double u[2];
-            path[count].sampler = (tsuya_sampler){first.key, sum->samples + (uint32_t)i};
-            path[count].origin = p->eye;
-            tsuya_sampler_pair(path[count].sampler, TSUYA_PAIR_PIXEL, u);
-            if (camera_ray(p, x - 0.5 + u[0], y - 0.5 + u[1], &path[count].direction)) {
-                count++;
-            } else {
-                lost++;
-            }
-        }
+        next.sample = sum->samples;
+        int count = camera_rays(p, x, y, next, wanted, path);
         rays += tsuya_trace(&p->tracer, path, count);
         for (int i = 0; i < count; ++i) {
             add_sample(sum, path[i].rgb, path[i].met);
         }
-        for (int i = 0; i < lost; ++i) {
+        for (int i = count; i < wanted; ++i) {
             add_sample(sum, black, false);
         }
     }

@@ -8,6 +8,9 @@
 #include <assert.h>
 #include <math.h>
 
+/* Lamps whose weights are kept while one is chosen; of more, they are worked out twice. */
+enum { LAMPS_AT_ONCE = 32 };
+
 /* Dimension pairs of a bounce. */
 enum { PAIR_LAMP, PAIR_DIRECTION, PAIR_CHOICE, PAIR_TURN, PAIR_SIDE, PAIRS_PER_BOUNCE };
 
@@ -219,25 +222,27 @@ static double direction_share(const tsuya_tracer *t, double pdf_direction, doubl
                                                           : 1.0;
 }
 
-/* One lamp with a probability in proportion to its weight, by a reservoir of one; −1 when none can shine here. */
+/* One lamp with a probability in proportion to its weight; −1 when none can shine here. */
 static int choose_lamp(const tsuya_light_set *lights, const tsuya_surface *s, double u, double *probability, double *sum)
 {
-    int chosen = -1;
-    double chosen_weight = 0.0, total = 0.0;
+    double weight[LAMPS_AT_ONCE], total = 0.0, before = 0.0;
+    const bool kept = lights->count <= LAMPS_AT_ONCE;
     for (int k = 0; k < lights->count; ++k) {
         double w = tsuya_light_weight(&lights->light[k], s->p, s->n);
-        if (!(w > 0.0)) {
-            continue;
-        }
         total += w;
-        double q = w / total;
-        if (u < q) {
+        if (kept) {
+            weight[k] = w;
+        }
+    }
+    int chosen = -1;
+    double chosen_weight = 0.0;
+    for (int k = 0; k < lights->count && before <= u * total; ++k) {
+        double w = kept ? weight[k] : tsuya_light_weight(&lights->light[k], s->p, s->n);
+        if (w > 0.0) {
             chosen = k;
             chosen_weight = w;
-            u /= q;
-        } else {
-            u = (u - q) / (1.0 - q);
         }
+        before += w;
     }
     *sum = total;
     *probability = total > 0.0 ? chosen_weight / total : 0.0;
@@ -341,10 +346,11 @@ static void turn_frame(tsuya_surface *s, double u)
     s->y = tsuya_vec3_mad(tsuya_vec3_scale(y, c), -k, x);
 }
 
-/* Paths that carry little go on rarely, and then for more. */
+/* Paths that carry little go on rarely, and then for more.  By the root: where a dark body sends light into a narrow lobe that sees a
+ * lamp, the few that go on carry most of the noise, and rays are cheap beside it. */
 static bool survives(const tsuya_tracer *t, double *throughput, double u)
 {
-    double most = largest_kept(t, throughput), keep = most < 0.05 ? 0.05 : most < 1.0 ? most : 1.0;
+    double most = largest_kept(t, throughput), keep = most < 0.0025 ? 0.05 : most < 1.0 ? sqrt(most) : 1.0;
     for (int c = 0; c < channels_of(t); ++c) {
         throughput[c] /= keep;
     }
@@ -416,8 +422,8 @@ static void shade(const tsuya_tracer *t, walker *w, int depth, const chances *ch
     if (!s.has_weft && depth == 0) {
         tsuya_sampler_pair(w->path->sampler, pair + PAIR_TURN, turn);
     }
-    /* at the hit, so that lamps met on the way have been counted */
-    if (depth > 0 && !survives(t, w->throughput, turn[1])) {
+    /* at the hit, so that lamps met on the way have been counted; the first reflection always goes on */
+    if (depth > 1 && !survives(t, w->throughput, turn[1])) {
         w->alive = false;
         return;
     }
@@ -511,6 +517,15 @@ static void take_chances(const tsuya_tracer *t, chances *chance, const walker *w
     }
 }
 
+static bool any_met(const walker *w, int count)
+{
+    bool any = false;
+    for (int k = 0; k < count; ++k) {
+        any |= w[k].met;
+    }
+    return any;
+}
+
 /* One step of every walker; how many go on (they are moved to the front). */
 static int step(const tsuya_tracer *t, walker *w, int count, int depth, uint64_t *rays)
 {
@@ -518,7 +533,7 @@ static int step(const tsuya_tracer *t, walker *w, int count, int depth, uint64_t
     chances chance;
     intersect_all(t, w, count, depth == 0);
     *rays += (uint64_t)count;
-    if (depth < t->options->bounces) {
+    if (depth < t->options->bounces && any_met(w, count)) {
         take_chances(t, &chance, w, count, depth);
     }
     for (int k = 0; k < count; ++k) {
