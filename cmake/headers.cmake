@@ -62,6 +62,7 @@ set(TSUYA_PUBLIC_HEADERS
   reconstruct/surface.h
   render/bands.h
   render/compare.h
+  render/detail.h
   render/dye.h
   render/embree_adapter.h
   render/environment.h

@@ -122,8 +122,11 @@ static double flicker(uint64_t seed, uint64_t stream, double seconds)
     return sum / 1.75;
 }
 
+static const double fire_kelvin = 1900.0;
+
+/* A flame over its basket.  irradiance: at the subject, W m⁻². */
 static tsuya_status add_fire(tsuya_light_set *set, tsuya_vec3 base, tsuya_vec3 center, tsuya_vec3 up, tsuya_vec3 right, double radius,
-                             uint64_t seed, uint64_t which, double seconds)
+                             double irradiance, uint64_t seed, uint64_t which, double seconds)
 {
     double strength = 1.0 + 0.3 * flicker(seed, 40 + 4 * which, seconds);
     double lift = 0.03 * flicker(seed, 41 + 4 * which, seconds), lean = 0.03 * flicker(seed, 42 + 4 * which, seconds);
@@ -131,26 +134,53 @@ static tsuya_status add_fire(tsuya_light_set *set, tsuya_vec3 base, tsuya_vec3 c
     fire.position_m = tsuya_vec3_mad(tsuya_vec3_mad(base, lift * radius, up), lean * radius, right);
     fire.direction = tsuya_vec3_sub(center, fire.position_m);
     double r = tsuya_vec3_norm(fire.direction), area = M_PI / 4.0 * fire.size_m[0] * fire.size_m[0];
-    /* irradiance 10 W m⁻² at the subject */
     char kelvin[32];
-    snprintf(kelvin, sizeof kelvin, "%.1fK", 1900.0 + 60.0 * (strength - 1.0));
-    set_rgb(&fire, (tsuya_vec3){1, 1, 1}, 10.0 * strength * r * r / area);
+    snprintf(kelvin, sizeof kelvin, "%.1fK", fire_kelvin + 60.0 * (strength - 1.0));
+    set_rgb(&fire, (tsuya_vec3){1, 1, 1}, irradiance * strength * r * r / area);
     TSUYA_TRY(tsuya_light_take_spectrum(&fire, kelvin, "."));
     return tsuya_light_set_add(set, &fire, "torch");
 }
 
+/* What boards and roof send back of the fires' light on the ground (boards a tenth of it: it falls off around the baskets; the roof a
+ * quarter of that), and little of the night sky between. */
+static tsuya_status add_stage(tsuya_light_set *set, tsuya_vec3 front, tsuya_vec3 up, double horizontal)
+{
+    enum { WIDTH = 32, HEIGHT = 32 };
+    const double floor_share = 0.1, roof_share = 0.25, night = 0.02;
+    tsuya_vec3 fire = tsuya_lamp_spectrum_rgb(set->light[0].spectrum), sky = tsuya_rgb_of_daylight(9000.0);
+    tsuya_light room = {.kind = TSUYA_LIGHT_ENVIRONMENT, .direction = front, .up = up, .rgb = {1, 1, 1}};
+    tsuya_image image;
+    TSUYA_TRY(tsuya_image_create(&image, WIDTH, HEIGHT, 3, TSUYA_SAMPLE_F32, TSUYA_ENCODING_LINEAR));
+    for (int k = 0; k < WIDTH * HEIGHT; ++k) {
+        int row = k / WIDTH; /* top to bottom: roof within 50 degrees of the zenith, night, boards */
+        double share = row >= HEIGHT / 2 ? floor_share : row < HEIGHT * 50 / 180 ? roof_share * floor_share : 0.0;
+        tsuya_vec3 l = tsuya_vec3_mad(tsuya_vec3_scale(sky, share > 0.0 ? 0.0 : night), share * horizontal / M_PI, fire);
+        float *pixel = tsuya_image_f32(&image, k % WIDTH, row);
+        pixel[0] = (float)fmax(0.0, l.x);
+        pixel[1] = (float)fmax(0.0, l.y);
+        pixel[2] = (float)fmax(0.0, l.z);
+    }
+    tsuya_status status = tsuya_environment_create(&room.map, &image, front, up, "torch");
+    tsuya_image_free(&image);
+    return status == TSUYA_OK ? tsuya_light_set_add(set, &room, "torch") : status;
+}
+
+/* Iron baskets on poles, their flames above the shoulders: two before the stage, two weaker ones behind its corners. */
 static tsuya_status add_torch(tsuya_light_set *set, tsuya_vec3 center, double radius, tsuya_vec3 up, uint64_t seed, int frame)
 {
+    static const struct { double front, right, up, irradiance; } basket[] = {
+        {1.7, -1.5, 0.9, 10.0}, {1.7, 1.5, 0.9, 10.0}, {-1.4, -1.6, 1.1, 5.0}, {-1.4, 1.6, 1.1, 5.0},
+    };
     tsuya_vec3 front = front_of(up), right = tsuya_vec3_cross(up, front);
-    double seconds = frame / 25.0;
-    for (int k = 0; k < 2; ++k) {
-        tsuya_vec3 base = tsuya_vec3_mad(center, 1.7 * radius, front);
-        base = tsuya_vec3_mad(tsuya_vec3_mad(base, k ? 1.5 * radius : -1.5 * radius, right), -0.15 * radius, up);
-        TSUYA_TRY(add_fire(set, base, center, up, right, radius, seed, (uint64_t)k, seconds));
+    double seconds = frame / 25.0, horizontal = 0.0;
+    for (uint64_t k = 0; k < sizeof basket / sizeof *basket; ++k) {
+        double length = sqrt(basket[k].front * basket[k].front + basket[k].right * basket[k].right + basket[k].up * basket[k].up);
+        tsuya_vec3 base = tsuya_vec3_mad(center, basket[k].front * radius, front);
+        base = tsuya_vec3_mad(tsuya_vec3_mad(base, basket[k].right * radius, right), basket[k].up * radius, up);
+        TSUYA_TRY(add_fire(set, base, center, up, right, radius, basket[k].irradiance, seed, k, seconds));
+        horizontal += basket[k].irradiance * basket[k].up / length;
     }
-    tsuya_light night = {.kind = TSUYA_LIGHT_ENVIRONMENT};
-    set_rgb(&night, tsuya_rgb_of_daylight(9000.0), 0.02);
-    return tsuya_light_set_add(set, &night, "torch");
+    return add_stage(set, front, up, horizontal);
 }
 
 tsuya_status tsuya_light_set_preset(tsuya_light_set *set, tsuya_light_preset preset, tsuya_vec3 center, double radius_m, tsuya_vec3 up,

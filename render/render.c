@@ -11,12 +11,12 @@
 #include <string.h>
 
 /* Raised when the pictures of unchanged inputs change. */
-static const char stage_version[] = "render 6";
+static const char stage_version[] = "render 7";
 
 tsuya_render_options tsuya_render_options_default(void)
 {
     return (tsuya_render_options){.views = 1, .width_px = 1280, .height_px = 960, .elevation_deg = 15.0, .field_deg = 30.0,
-                                  .model_view_count = -1, .gain = {NAN, NAN, NAN}, .vertex_dye_scale = NAN, .spp = 64, .bounces = 4, .exposure_ev = NAN};
+                                  .model_view_count = -1, .gain = {NAN, NAN, NAN}, .vertex_dye_scale = NAN, .spp = 64, .bounces = 4, .detail_px = 0.1, .exposure_ev = NAN};
 }
 
 static void like_to_json(tsuya_json *object, const char *key, const tsuya_render_like *like)
@@ -52,6 +52,8 @@ void tsuya_render_info_to_json(tsuya_json *object, const tsuya_render_info *info
     tsuya_json_set_number(object, "exposure_ev", info->exposure_ev);
     tsuya_json_set_bool(object, "default_material", info->default_material);
     tsuya_json_set_bool(object, "has_weft", info->has_weft);
+    tsuya_json_set_number(object, "triangles", (double)info->triangles);
+    tsuya_json_set_number(object, "triangles_rendered", (double)info->triangles_rendered);
     tsuya_json_set_number(object, "peak_mb", info->peak_mb);
     if (info->like.photos + info->like_held_out.photos > 0) {
         tsuya_json *like = tsuya_json_set_object(object, "like");
@@ -153,7 +155,7 @@ static tsuya_status hash_inputs(stage *s)
         status = hash_material(hasher, s->setup.material[k]);
     }
     hash_lights(hasher, &s->setup.lights);
-    hash_numbers(hasher, (const double[]){s->setup.dye, s->setup.studio, s->path.spp, s->path.noise, s->path.bounces, s->setup.vertex_dye_scale, s->options->without_weft}, 7);
+    hash_numbers(hasher, (const double[]){s->setup.dye, s->setup.studio, s->path.spp, s->path.noise, s->path.bounces, s->setup.vertex_dye_scale, s->options->without_weft, s->options->detail_px}, 8);
     hash_numbers(hasher, s->setup.dye_rgb, 3);
     if (s->setup.dye_of_bands) {
         hash_numbers(hasher, s->setup.dye_of_bands, s->setup.bands->count);
@@ -215,6 +217,9 @@ static tsuya_status render_card(stage *s, const tsuya_render_frame *f, const tsu
     TSUYA_TRY(render_frame(s, f, &small, &path, &film, &info, &context));
     tsuya_status status = tsuya_film_card_exposure(&s->exposure_ev, s->white, &film);
     s->adapt = tsuya_film_adaptation(s->white);
+    if (!s->options->adapt_to_lamps) { /* of a coloured white, the strongest channel is what clips */
+        s->exposure_ev -= log2(fmax(1.0, fmax(s->white[0], fmax(s->white[1], s->white[2]))));
+    }
     tsuya_film_free(&film);
     return status;
 }
@@ -270,12 +275,15 @@ static tsuya_status save_film(const stage *s, const tsuya_render_frame *f, const
     snprintf(samples, sizeof samples, "%.6g", info->spp_mean);
     snprintf(bounces, sizeof bounces, "%d", s->path.bounces);
     snprintf(camera, sizeof camera, "%.120s; fx %.6f fy %.6f cx %.6f cy %.6f", f->source, c->fx_px, c->fy_px, c->cx_px, c->cy_px);
-    char wavelengths[32];
+    char wavelengths[32], detail[160];
+    const tsuya_detail_info *d = &s->setup.detail;
+    snprintf(detail, sizeof detail, "%zu of %zu triangles; vertices off by up to %.3f px, normals %.2f, weft %.2f degrees, colour %.1f of 255", d->triangles_after,
+             d->triangles_before, d->distance_px, d->normal_deg, d->weft_deg, d->color);
     snprintf(wavelengths, sizeof wavelengths, "%d", s->setup.bands ? s->setup.bands->count : 0);
-    tsuya_film_note note = {.count = s->setup.bands ? 9 : 7,
-                            .name = {"software", "camera", "model", "seed", "samples", "bounces", "colorSpace", "wavelengths", "adaptation"},
+    tsuya_film_note note = {.count = s->setup.bands ? 10 : 8,
+                            .name = {"software", "camera", "model", "seed", "samples", "bounces", "colorSpace", "detail", "wavelengths", "adaptation"},
                             .value = {"tsuya " TSUYA_VERSION, camera, tsuya_material_get_info(s->setup.material[0]).name, seed, samples,
-                                      bounces, "linear Rec.709", wavelengths, "none (D65)"}};
+                                      bounces, "linear Rec.709", detail, wavelengths, "none (D65)"}};
     TSUYA_TRY(tsuya_film_save_exr(film, exr, &note));
     return tsuya_film_save_png(film, png, s->exposure_ev, s->options->adapt_to_lamps ? &s->adapt : NULL);
 }
@@ -392,6 +400,18 @@ static void describe_bands(stage *s)
     }
 }
 
+/* What was left out, and by how much a vertex is off at most. */
+static void describe_detail(stage *s)
+{
+    const tsuya_detail_info *d = &s->setup.detail;
+    tsuya_json *detail = tsuya_json_set_object(s->document, "detail");
+    tsuya_json_set_number(detail, "asked_px", s->options->detail_px);
+    tsuya_json_set_number(detail, "distance_px", d->distance_px);
+    tsuya_json_set_number(detail, "normal_deg", d->normal_deg);
+    tsuya_json_set_number(detail, "weft_deg", d->weft_deg);
+    tsuya_json_set_number(detail, "color_of_255", d->color);
+}
+
 static void describe(stage *s)
 {
     static const char *const dye_name[] = {"material", "vertex colours", "colour"};
@@ -413,7 +433,7 @@ static void describe(stage *s)
     tsuya_json *view = tsuya_json_set_object(s->document, "view_transform");
     tsuya_json_set_number(view, "exposure_ev", s->exposure_ev);
     tsuya_json_set_text(view, "exposure", isnan(s->options->exposure_ev)
-                                              ? "the median of a white card in the place of the cloth, lit by the lamps alone, is display white"
+                                              ? "the median of a white card in the place of the cloth, lit by the lamps alone, is display white in its strongest channel"
                                               : "given");
     tsuya_json_set_text(view, "curve", "linear × 2^exposure_ev, clipped to [0, 1], sRGB");
     tsuya_json_set_text(view, "adaptation", s->options->adapt_to_lamps ? "Bradford, from the white card's mean colour to D65" : "none");
@@ -421,6 +441,7 @@ static void describe(stage *s)
         tsuya_json_set_numbers(view, "white", s->white, 3);
     }
     describe_bands(s);
+    describe_detail(s);
     s->pictures = tsuya_json_set_array(s->document, "pictures");
 }
 
@@ -452,13 +473,15 @@ tsuya_status tsuya_render(tsuya_render_info *info, const tsuya_render_options *o
     s.path.bounces = options->bounces;
     TSUYA_NEW(status, s.like, 2);
     TSUYA_GOTO_DONE(status, open_folder(&s));
-    TSUYA_GOTO_DONE(status, tsuya_render_setup_create(&s.setup, options));
+    TSUYA_GOTO_DONE(status, tsuya_render_setup_create(&s.setup, options, context));
     s.setup.seed = context->seed;
     info->frames = s.setup.frame_count;
     info->width_px = s.setup.frame[0].camera.width_px;
     info->height_px = s.setup.frame[0].camera.height_px;
     info->default_material = s.setup.default_material;
     info->has_weft = s.setup.mesh.weft != NULL;
+    info->triangles = s.setup.detail.triangles_before;
+    info->triangles_rendered = s.setup.detail.triangles_after;
     TSUYA_GOTO_DONE(status, hash_inputs(&s));
     TSUYA_GOTO_DONE(status, choose_exposure(&s));
     info->exposure_ev = s.exposure_ev;

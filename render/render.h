@@ -35,14 +35,15 @@ typedef struct tsuya_render_options {
     int spp;                         /* samples per pixel; with `noise` the most that a pixel gets */
     double noise;                    /* > 0: relative standard error that a pixel aims at; see render/path.h */
     int bounces;                     /* reflections along a path; 1: lamps only */
-    double exposure_ev;              /* of the PNGs; NaN: from a white card in the first picture, see render/film.h */
+    double detail_px;                /* triangles smaller than half a pixel may be left out as far as no vertex is off by more than this, see render/detail.h; 0: never */
+    double exposure_ev;              /* of the PNGs; NaN: from a white card in the first picture, see render/film.h; of a coloured white, unless adapted to, the strongest channel reaches display white */
     bool adapt_to_lamps;             /* PNGs as an eye sees them that has adapted to the lamps' white; false: to D65 */
     const char *reference_path;      /* linear EXR to compare the first picture with; NULL: none */
     const char *output_folder;       /* JOB/render */
     const char *name;                /* subfolder; NULL: output_folder itself */
 } tsuya_render_options;
 
-/* 1 view of 1280 × 960 at 15° elevation and 30° field, 64 spp, 4 bounces, automatic exposure. */
+/* 1 view of 1280 × 960 at 15° elevation and 30° field, 64 spp, 4 bounces, detail within 0.1 px, automatic exposure. */
 TSUYA_API tsuya_render_options tsuya_render_options_default(void);
 
 /* Means over photographs; ΔE00 over all their pixels together. */
@@ -63,6 +64,7 @@ typedef struct tsuya_render_info {
     double rmse_vs_reference; /* NaN without a reference */
     double exposure_ev, peak_mb;
     bool default_material, has_weft;
+    size_t triangles, triangles_rendered; /* the latter without those that no picture shows, see detail_px */
     tsuya_render_like like, like_held_out; /* photos 0 where nothing was compared */
 } tsuya_render_info;
 

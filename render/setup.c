@@ -135,7 +135,7 @@ static tsuya_status make_scene(tsuya_render_setup *s, const tsuya_render_options
     memcpy(options.dye_rgb, s->dye_rgb, sizeof options.dye_rgb);
     options.bands = s->bands;
     options.dye_of_bands = s->dye_of_bands;
-    return tsuya_scene_create(&s->scene, &s->mesh, &options);
+    return tsuya_scene_create(&s->scene, s->coarse.vertex_count > 0 ? &s->coarse : &s->mesh, &options);
 }
 
 static tsuya_render_frame *add_frame(tsuya_render_setup *s, const char *name, const char *source)
@@ -228,6 +228,27 @@ static tsuya_status list_frames(tsuya_render_setup *s, const tsuya_render_option
     return TSUYA_OK;
 }
 
+/* Triangles smaller than a pixel of every picture are left out as far as nobody can tell. */
+static tsuya_status choose_detail(tsuya_render_setup *s, const tsuya_render_options *o, const tsuya_context *context)
+{
+    tsuya_detail_options options = tsuya_detail_options_default();
+    options.distance_px = o->detail_px;
+    s->detail.triangles_before = s->detail.triangles_after = s->mesh.triangle_count;
+    if (!(o->detail_px > 0.0) || s->mesh.triangle_count == 0) {
+        return TSUYA_OK;
+    }
+    tsuya_detail_view *view = tsuya_arena_alloc(s->arena, (size_t)s->frame_count, sizeof *view);
+    if (!view) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    for (int k = 0; k < s->frame_count; ++k) {
+        const tsuya_camera *c = &s->frame[k].camera;
+        view[k] = (tsuya_detail_view){tsuya_pose_center(s->frame[k].camera_from_world), 1.0 / fmax(c->fx_px, c->fy_px)};
+    }
+    TSUYA_TRY(s->mesh.normal ? TSUYA_OK : tsuya_mesh_compute_normals(&s->mesh));
+    return tsuya_mesh_detail(&s->coarse, &s->detail, &s->mesh, view, s->frame_count, &options, context);
+}
+
 /* A name, or a file whose "preset" is one. */
 static tsuya_status load_lights(tsuya_render_setup *s, const tsuya_render_options *o)
 {
@@ -252,7 +273,7 @@ static tsuya_status load_lights(tsuya_render_setup *s, const tsuya_render_option
     return status == TSUYA_OK && s->preset == TSUYA_PRESET_NONE ? tsuya_light_set_load(&s->lights, o->lights_path) : status;
 }
 
-static tsuya_status set_up(tsuya_render_setup *s, const tsuya_render_options *o)
+static tsuya_status set_up(tsuya_render_setup *s, const tsuya_render_options *o, const tsuya_context *context)
 {
     TSUYA_TRY(tsuya_arena_create(&s->arena, 1 << 16));
     TSUYA_TRY(tsuya_ply_load(&s->mesh, o->mesh_path));
@@ -272,15 +293,16 @@ static tsuya_status set_up(tsuya_render_setup *s, const tsuya_render_options *o)
     s->center = tsuya_vec3_scale(tsuya_vec3_add(low, high), 0.5);
     s->radius = fmax(0.5 * tsuya_vec3_norm(tsuya_vec3_sub(high, low)), 1e-6);
     TSUYA_TRY(load_materials(s, o));
-    TSUYA_TRY(make_scene(s, o));
     TSUYA_TRY(load_lights(s, o));
-    return list_frames(s, o);
+    TSUYA_TRY(list_frames(s, o));
+    TSUYA_TRY(choose_detail(s, o, context));
+    return make_scene(s, o);
 }
 
-tsuya_status tsuya_render_setup_create(tsuya_render_setup *setup, const tsuya_render_options *options)
+tsuya_status tsuya_render_setup_create(tsuya_render_setup *setup, const tsuya_render_options *options, const tsuya_context *context)
 {
     *setup = (tsuya_render_setup){0};
-    tsuya_status status = set_up(setup, options);
+    tsuya_status status = set_up(setup, options, context);
     if (status != TSUYA_OK) {
         tsuya_render_setup_free(setup);
     }
@@ -296,6 +318,7 @@ void tsuya_render_setup_free(tsuya_render_setup *setup)
     tsuya_free(setup->material);
     tsuya_light_set_free(&setup->lights);
     tsuya_mesh_free(&setup->mesh);
+    tsuya_mesh_free(&setup->coarse);
     tsuya_arena_free(setup->arena);
     *setup = (tsuya_render_setup){0};
 }

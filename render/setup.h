@@ -4,6 +4,7 @@
 
 #include "core/memory.h"
 
+#include "render/detail.h"
 #include "render/preset.h"
 #include "render/render.h"
 #include "render/scene.h"
@@ -20,6 +21,8 @@ typedef struct tsuya_render_frame {
 
 typedef struct tsuya_render_setup {
     tsuya_mesh mesh;
+    tsuya_mesh coarse; /* what the scene is made of; no vertices: the mesh itself */
+    tsuya_detail_info detail;
     tsuya_material **material;
     int material_count;
     bool default_material;
@@ -44,7 +47,7 @@ typedef struct tsuya_render_setup {
 TSUYA_MUST_CHECK tsuya_status tsuya_render_load_reflectance(double *at, const double *nm, int count, const char *path);
 
 /* Leaves an empty setup on failure. */
-TSUYA_MUST_CHECK tsuya_status tsuya_render_setup_create(tsuya_render_setup *setup, const tsuya_render_options *options);
+TSUYA_MUST_CHECK tsuya_status tsuya_render_setup_create(tsuya_render_setup *setup, const tsuya_render_options *options, const tsuya_context *context);
 void tsuya_render_setup_free(tsuya_render_setup *setup);
 /* The lamps of one picture: the file's (borrowed) or the studio around its camera; tsuya_render_setup_lights_free. */
 TSUYA_MUST_CHECK tsuya_status tsuya_render_setup_lights(tsuya_light_set *lights, const tsuya_render_setup *setup,

@@ -8,6 +8,7 @@
 #include "brdf/fit.h"
 #include "core/memory.h"
 
+#include "render/detail.h"
 #include "render/light.h"
 
 #include "render_scenes.h"
@@ -387,6 +388,59 @@ static void bench_turntable(void **state)
     tsuya_mesh_free(&mesh);
 }
 
+/* Two million triangles in a small picture: time to build and to render, and what leaving triangles out does to the picture beside what
+ * other random numbers do. */
+static void bench_detail(void **state)
+{
+    (void)state;
+    enum { W = 160, H = 120 };
+    tsuya_mesh mesh, coarse;
+    tsuya_detail_info info;
+    tsuya_light_set lights = {0};
+    tsuya_camera camera;
+    tsuya_pose pose;
+    tsuya_material *silk;
+    tsuya_shader shader;
+    tsuya_film film[3];
+    double seconds[3], build[3], choose;
+    tsuya_context context = tsuya_context_default();
+    tsuya_detail_options detail = tsuya_detail_options_default();
+    tsuya_path_options options = options_of(256, 4);
+    assert_ok(tsuya_material_default_silk(&silk));
+    assert_ok(tsuya_shader_from_material(&shader, silk));
+    scene_drape(&mesh, 1000);
+    studio(&lights, 1);
+    scene_camera(&camera, &pose, (tsuya_vec3){3, 1, 1}, (tsuya_vec3){0, 0, 0.2}, 33.0, W, H);
+    const tsuya_detail_view view = {{3, 1, 1}, 1.0 / camera.fx_px};
+    double start = cpu_s();
+    assert_ok(tsuya_mesh_detail(&coarse, &info, &mesh, &view, 1, &detail, &context));
+    choose = cpu_s() - start;
+    for (int k = 0; k < 3; ++k) { /* whole, whole with another seed, simplified */
+        tsuya_scene_options scene_options = tsuya_scene_options_default();
+        tsuya_scene *scene;
+        tsuya_path_info path;
+        scene_options.shader = &shader;
+        scene_options.shader_count = 1;
+        context.seed = (uint64_t)k;
+        start = cpu_s();
+        assert_ok(tsuya_scene_create(&scene, k == 2 && coarse.vertex_count > 0 ? &coarse : &mesh, &scene_options));
+        build[k] = cpu_s() - start;
+        start = cpu_s();
+        assert_ok(tsuya_path_render(&film[k], &path, scene, &lights, &camera, pose, &options, &context));
+        seconds[k] = cpu_s() - start;
+        tsuya_scene_free(scene);
+    }
+    printf("detail,triangles,choose_s,build_s,render_s,rmse_to_whole\nwhole,%zu,0,%.2f,%.2f,%.5f\nwithin 0.1 px,%zu,%.2f,%.2f,%.2f,%.5f\n", info.triangles_before, build[1],
+           seconds[1], sqrt(squared_error(&film[1], &film[0])), info.triangles_after, choose, build[2], seconds[2], sqrt(squared_error(&film[2], &film[0])));
+    for (int k = 0; k < 3; ++k) {
+        tsuya_film_free(&film[k]);
+    }
+    tsuya_mesh_free(&coarse);
+    tsuya_mesh_free(&mesh);
+    tsuya_material_free(silk);
+    tsuya_light_set_free(&lights);
+}
+
 /* With an argument, only the benches whose names match it (bench_turntable, *throughput). */
 int main(int argc, char **argv)
 {
@@ -395,6 +449,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(bench_satin),
         cmocka_unit_test(bench_fitted),
         cmocka_unit_test(bench_turntable),
+        cmocka_unit_test(bench_detail),
     };
     if (argc > 1) {
         cmocka_set_test_filter(argv[1]);

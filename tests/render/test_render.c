@@ -312,6 +312,53 @@ static void test_refusals(void **state)
     tsuya_interrupt_clear();
 }
 
+/* A plane whose halves are of two materials, by vertex: each half reflects as its own, dark beside grey under one lamp from above. */
+static void test_several_materials(void **state)
+{
+    (void)state;
+    static const double reflectance[2] = {0.2, 0.6};
+    tsuya_context context = tsuya_context_default();
+    tsuya_render_options options = small_options("two");
+    tsuya_render_info info;
+    tsuya_mesh plane;
+    tsuya_image exr;
+    char path[TEST_PATH], lamp[TEST_PATH], file[2][TEST_PATH];
+    const char *materials[2] = {file[0], file[1]};
+    for (int k = 0; k < 2; ++k) {
+        const double rgb[3] = {reflectance[k], reflectance[k], reflectance[k]};
+        tsuya_material *matte;
+        snprintf(file[k], sizeof file[k], "%s", test_path(k ? "gold.json" : "ground.json"));
+        assert_ok(tsuya_material_lambert(&matte, rgb));
+        assert_ok(tsuya_material_save(matte, file[k]));
+        tsuya_material_free(matte);
+    }
+    snprintf(path, sizeof path, "%s", test_path("plane.ply"));
+    snprintf(lamp, sizeof lamp, "%s", test_path("above.json"));
+    assert_ok(tsuya_file_write(lamp, "{\"lights\": [{\"type\": \"directional\", \"direction\": [0, 0, -1], \"rgb\": [1, 1, 1]}]}", 80));
+    scene_plane(&plane, 1.0, 20);
+    assert_ok(tsuya_mesh_add_arrays(&plane, TSUYA_MESH_MATERIAL));
+    for (size_t v = 0; v < plane.vertex_count; ++v) {
+        plane.material[v] = plane.position[3 * v] > 0.0f;
+    }
+    assert_ok(tsuya_ply_save(&plane, path, NULL));
+    tsuya_mesh_free(&plane);
+    options.mesh_path = path;
+    options.material_path = materials;
+    options.material_count = 2;
+    options.lights_path = lamp;
+    options.views = 1;
+    options.elevation_deg = 80.0;
+    options.bounces = 1;
+    assert_ok(tsuya_render(&info, &options, &context));
+    assert_ok(tsuya_image_load(&exr, frame_path("two", 0, "exr")));
+    for (int k = 0; k < 2; ++k) {
+        assert_near((double)tsuya_image_f32(&exr, k ? 30 : 17, 18)[1], reflectance[k] / M_PI, 1e-3);
+    }
+    tsuya_image_free(&exr);
+    options.material_count = 1; /* one serves every index */
+    assert_ok(tsuya_render(&info, &options, &context));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -320,6 +367,7 @@ int main(void)
         cmocka_unit_test(test_cameras),
         cmocka_unit_test(test_colors_are_read),
         cmocka_unit_test(test_colors_show_as_asked),
+        cmocka_unit_test(test_several_materials),
         cmocka_unit_test(test_like),
         cmocka_unit_test(test_refusals),
     };
