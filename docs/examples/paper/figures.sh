@@ -15,7 +15,7 @@ for model in tanaka auto; do
     tsuya brdf fit "$here/black_satin.csv" --model $model -o "$out/$model.json"
     for lamp in weft warp; do
         tsuya render "$out/cloth/truth/mesh.ply" --material "$out/$model.json" --lights "$here/along_$lamp.json" \
-            --turntable 1 --elevation 40 --size "$size" --noise 0.02 --exposure 1.5 -o "$out/figure14_${lamp}_$model"
+            --color material --turntable 1 --elevation 40 --size "$size" --noise 0.02 --exposure 1.5 -o "$out/figure14_${lamp}_$model"
     done
     for dye in 8c1c2c 1f3f8c d9b23c; do
         tsuya render "$out/cloth/truth/mesh.ply" --material "$out/$model.json" --lights "$here/along_weft.json" --color "#$dye" \
