@@ -20,7 +20,7 @@ void tsuya_drape_matrix_free(drape_matrix *m);
 void tsuya_drape_matrix_add(drape_matrix *m, uint32_t i, uint32_t j, const double block[3][3]);
 
 typedef struct drape_solver drape_solver;
-/* The order of elimination comes from the triangles' graph and serves every later matrix. */
+/* The order of elimination comes from the graph of `pair` (may repeat) and serves every later matrix. */
 TSUYA_MUST_CHECK tsuya_status tsuya_drape_solver_create(drape_solver **solver, size_t vertices, const uint32_t *pair, size_t pair_count);
 void tsuya_drape_solver_free(drape_solver *solver);
 /* x = m⁻¹ b, 3 × vertices; *definite tells whether it could be done. */
