@@ -37,6 +37,7 @@ typedef struct tsuya_scene_camera {
 typedef struct tsuya_scene_view {
     int count;
     double elevation_deg, distance_m, target_m, azimuth_deg, sweep_deg, jitter, px_per_thread; /* sweep_deg: below 360 an arc about azimuth_deg */
+    bool turntable; /* the camera stands still, the cloth turns with all that lights it */
 } tsuya_scene_view;
 
 typedef struct tsuya_scene_lamp {

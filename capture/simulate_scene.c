@@ -44,7 +44,8 @@ static const tsuya_yaml_field view_fields[] = {
     FIELD(tsuya_scene_view, count, TSUYA_YAML_INT),         FIELD(tsuya_scene_view, elevation_deg, TSUYA_YAML_NUMBER),
     FIELD(tsuya_scene_view, distance_m, TSUYA_YAML_NUMBER), FIELD(tsuya_scene_view, target_m, TSUYA_YAML_NUMBER),
     FIELD(tsuya_scene_view, azimuth_deg, TSUYA_YAML_NUMBER), FIELD(tsuya_scene_view, sweep_deg, TSUYA_YAML_NUMBER),
-    FIELD(tsuya_scene_view, jitter, TSUYA_YAML_NUMBER),     FIELD(tsuya_scene_view, px_per_thread, TSUYA_YAML_NUMBER), {0},
+    FIELD(tsuya_scene_view, jitter, TSUYA_YAML_NUMBER),     FIELD(tsuya_scene_view, px_per_thread, TSUYA_YAML_NUMBER),
+    FIELD(tsuya_scene_view, turntable, TSUYA_YAML_BOOL),    {0},
 };
 static const tsuya_yaml_field lamp_fields[] = {
     FIELD(tsuya_scene_lamp, type, TSUYA_YAML_TEXT),      FIELD(tsuya_scene_lamp, position_m, TSUYA_YAML_NUMBERS),

@@ -137,6 +137,29 @@ static simulate_view ring_view(const tsuya_scene_view *v, tsuya_vec3 target, int
     return (simulate_view){tsuya_pose_look_at(eye, aim, (tsuya_vec3){0, 0, 1}), distance, false};
 }
 
+static tsuya_vec3 turned(tsuya_vec3 p, double angle_rad)
+{
+    return (tsuya_vec3){p.x * cos(angle_rad) - p.y * sin(angle_rad), p.x * sin(angle_rad) + p.y * cos(angle_rad), p.z};
+}
+
+/* On a turntable: one camera, off by a few per cent and aimed a little beside the axis, the same for the whole round; the table stops a
+ * part of its step beside where it should. */
+static simulate_view turntable_view(const tsuya_scene_view *v, tsuya_vec3 axis, int i, int first, uint64_t seed)
+{
+    double jitter[5];
+    for (int k = 0; k < 5; k++) {
+        int number = k == 0 ? first + i : first;
+        jitter[k] = v->jitter * 2.0 * (tsuya_random_uniform(seed, SIMULATE_POSES, (uint64_t)(5 * number + k)) - 0.5);
+    }
+    double angle = ring_azimuth(v, i + jitter[0]);
+    double elevation = tsuya_rad_from_deg(v->elevation_deg) + jitter[1], distance = v->distance_m * (1.0 + 0.5 * jitter[2]);
+    tsuya_vec3 aim = {0.5 * jitter[3] * distance, 0.5 * jitter[4] * distance, 0.0};
+    tsuya_vec3 eye = tsuya_vec3_add(aim, (tsuya_vec3){distance * cos(elevation), 0.0, distance * sin(elevation)});
+    aim = tsuya_vec3_add(axis, turned(aim, angle));
+    eye = tsuya_vec3_add(axis, turned(eye, angle));
+    return (simulate_view){tsuya_pose_look_at(eye, aim, (tsuya_vec3){0, 0, 1}), distance, false};
+}
+
 /* Straight before a vertex; the share of the picture that the cloth fills.  0 where something stands between, or under the floor, or below a half. */
 static double close_view(simulate_view *view, tsuya_vec3 *at, const tsuya_scene_view *v, const tsuya_simulate_scene *s, const tsuya_camera *camera,
                        const tsuya_mesh *mesh, size_t vertex, uint64_t seed)
@@ -229,7 +252,7 @@ tsuya_status tsuya_simulate_views(simulate_view **view, int *count, const tsuya_
             TSUYA_TRY(close_views(*view + at, v, s, camera, cloth, seed));
         }
         for (int i = 0; i < v->count && isnan(v->px_per_thread); i++) {
-            (*view)[at + i] = ring_view(v, target, i, at + i, seed);
+            (*view)[at + i] = v->turntable ? turntable_view(v, target, i, at, seed) : ring_view(v, target, i, at + i, seed);
         }
         at += v->count;
     }

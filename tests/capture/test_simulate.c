@@ -57,6 +57,40 @@ static void a_scene_says_what_it_wants(void **state)
     }
 }
 
+/* A table that turns: its axis stands still in every picture, nothing else does, and the steps are even to a part of themselves. */
+static void a_turntable_turns_about_its_axis(void **state)
+{
+    (void)state;
+    enum { COUNT = 9 };
+    const char *text = "views: [{count: 9, distance_m: 1.2, elevation_deg: 15, azimuth_deg: 20, jitter: 0.05, turntable: true}]\nhold_out: 0\n";
+    tsuya_simulate_scene scene;
+    tsuya_studio_cloth cloth = {0};
+    tsuya_camera camera;
+    simulate_view *view;
+    int count;
+    double before = 0.0;
+    assert_ok(tsuya_simulate_scene_load(&scene, write_scene("table.yaml", text)));
+    assert_ok(tsuya_simulate_camera(&camera, &scene));
+    assert_ok(tsuya_mesh_create(&cloth.mesh, 2, 0, 0));
+    const float corners[6] = {-0.2f, -0.1f, 0.1f, 0.4f, 0.3f, 0.5f};
+    memcpy(cloth.mesh.position, corners, sizeof corners);
+    assert_ok(tsuya_simulate_views(&view, &count, &scene, &camera, &cloth, 3));
+    assert_int_equal(count, COUNT);
+    for (int i = 0; i < COUNT; i++) {
+        for (int k = 0; k < 2; k++) { /* two points of the axis, in the camera's frame */
+            tsuya_vec3 p = {0.1, 0.1, 0.2 + 0.3 * k};
+            tsuya_vec3 now = tsuya_pose_apply(view[i].camera_from_world, p), first = tsuya_pose_apply(view[0].camera_from_world, p);
+            assert_true(tsuya_vec3_norm(tsuya_vec3_sub(now, first)) < 1e-9);
+        }
+        tsuya_vec3 eye = tsuya_pose_apply(tsuya_pose_inverse(view[i].camera_from_world), (tsuya_vec3){0, 0, 0});
+        double azimuth = tsuya_deg_from_rad(atan2(eye.y - 0.1, eye.x - 0.1)), step = remainder(azimuth - before, 360.0);
+        assert_true(i == 0 || (fabs(step - 360.0 / COUNT) <= 2.0 * 0.05 * 360.0 / COUNT && fabs(step - 360.0 / COUNT) > 1e-6));
+        before = azimuth;
+    }
+    tsuya_mesh_free(&cloth.mesh);
+    tsuya_simulate_scene_free(&scene);
+}
+
 /* Files, and the frame: the mat's tags are seen where the truth's poses put them. */
 static void a_job_is_left_with_its_truth(void **state)
 {
@@ -265,7 +299,7 @@ static void subdividing_keeps_a_flat_sheet(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_scene_says_what_it_wants),          cmocka_unit_test(a_job_is_left_with_its_truth),
+        cmocka_unit_test(a_turntable_turns_about_its_axis), cmocka_unit_test(a_scene_says_what_it_wants),          cmocka_unit_test(a_job_is_left_with_its_truth),
         cmocka_unit_test(board_photographs_agree_with_mrcal),  cmocka_unit_test(far_cloth_has_the_reflectance_of_its_truth),
         cmocka_unit_test(the_mosaic_keeps_planes),             cmocka_unit_test(subdividing_keeps_a_flat_sheet),
     };
