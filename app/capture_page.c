@@ -136,7 +136,11 @@ static void write_drift(tsuya_html *html, const tsuya_check *check)
             most = isfinite(v) ? fmax(most, v) : most;
         }
     }
-    tsuya_html_raw(html, "<section><h2>Exposure and white balance</h2><p class=\"lead\">EV against the session, in the order of the names.</p>\n"
+    tsuya_html_raw(html, "<section><h2>Exposure and white balance</h2><p class=\"lead\">EV against the session, in the order of the names");
+    if (isfinite(check->wander_ev)) {
+        tsuya_html_raw(html, "; the exposure wanders by %.2f EV (10th to 90th percentile)", check->wander_ev);
+    }
+    tsuya_html_raw(html, ".</p>\n"
                    "<svg width=\"960\" height=\"220\" viewBox=\"0 0 960 220\" role=\"img\"><title>Drift</title>\n");
     for (int k = -1; k <= 1; k++) {
         double y = 110.0 - 95.0 * k;
@@ -175,7 +179,7 @@ static void cell(tsuya_html *html, const char *format, double value)
 
 static void write_table(tsuya_html *html, const tsuya_check *check)
 {
-    static const char *const heads[] = {"edge px", "clip %", "EV", "red EV", "blue EV", "overlaps", "azimuth °", "elevation °"};
+    static const char *const heads[] = {"edge px", "clip %", "EV", "red EV", "blue EV", "overlaps", "tags", "azimuth °", "elevation °"};
     tsuya_html_raw(html, "<section><h2>Every photograph</h2>\n<div class=\"wide\"><table><tr><th>photograph</th>");
     for (size_t k = 0; k < sizeof heads / sizeof heads[0]; k++) {
         tsuya_html_raw(html, "<th class=\"n\">%s</th>", heads[k]);
@@ -192,6 +196,7 @@ static void write_table(tsuya_html *html, const tsuya_check *check)
         cell(html, "%.2f", p->red_ev);
         cell(html, "%.2f", p->blue_ev);
         cell(html, "%.0f", p->neighbours);
+        cell(html, "%.0f", p->tags < 0 ? NAN : (double)p->tags);
         cell(html, "%.0f", p->azimuth_deg);
         cell(html, "%.0f", p->elevation_deg);
         tsuya_html_raw(html, "</tr>\n");

@@ -10,15 +10,18 @@
 #include <sys/inotify.h>
 #include <unistd.h>
 
-enum { KEY_MASKS = 1, KEY_HTML, KEY_WATCH, SETTLE_MS = 400 };
+enum { KEY_MASKS = 1, KEY_HTML, KEY_WATCH, KEY_TARGET, SETTLE_MS = 400 };
+
+static const double WANDERS_EV = 0.6; /* of the exposure over a session: worth a word */
 
 typedef struct check_input {
-    const char *photos, *masks, *html;
+    const char *photos, *masks, *html, *target;
     bool watch;
 } check_input;
 
 static const struct argp_option check_options[] = {
     {"masks", KEY_MASKS, "FOLDER", 0, "NAME.png or NAME.jpg.png; white is judged, black is ignored", 0},
+    {"target", KEY_TARGET, "FILE", 0, "board.yaml of tags that lie in the scene: counts them, and tells by them who was zoomed or focused anew", 0},
     {"html", KEY_HTML, "FILE", 0, "One page for the record", 0},
     {"watch", KEY_WATCH, NULL, 0, "Stay and look at photographs as they arrive, until interrupted (Ctrl-C); files are kept up to date", 0},
     {0},
@@ -29,6 +32,7 @@ static error_t parse_check(int key, char *arg, struct argp_state *state)
     check_input *input = state->input;
     switch (key) {
     case KEY_MASKS: input->masks = arg; return 0;
+    case KEY_TARGET: input->target = arg; return 0;
     case KEY_HTML: input->html = arg; return 0;
     case KEY_WATCH: input->watch = true; return 0;
     case ARGP_KEY_ARG:
@@ -67,9 +71,9 @@ static void cell(const char *format, double value)
     }
 }
 
-static void print_head(void)
+static void print_head(bool tags)
 {
-    printf("%-28s %8s %8s %8s %8s %8s %8s\n", "photograph", "edge px", "clip %", "EV", "red EV", "blue EV", "overlaps");
+    printf("%-28s %8s %8s %8s %8s %8s %8s%s\n", "photograph", "edge px", "clip %", "EV", "red EV", "blue EV", "overlaps", tags ? "     tags" : "");
 }
 
 static void print_row(const tsuya_checked_photo *p)
@@ -80,7 +84,11 @@ static void print_row(const tsuya_checked_photo *p)
     cell(" %8.2f", p->exposure_ev);
     cell(" %8.2f", p->red_ev);
     cell(" %8.2f", p->blue_ev);
-    printf(" %8d%s\n", p->neighbours, p->fault_count ? "  again" : "");
+    printf(" %8d", p->neighbours);
+    if (p->tags >= 0) {
+        printf(" %8d", p->tags);
+    }
+    printf("%s\n", p->fault_count ? "  again" : "");
 }
 
 static void print_advice(const tsuya_check *check)
@@ -93,6 +101,9 @@ static void print_advice(const tsuya_check *check)
     }
     if (tsuya_check_blindness(check)) {
         printf("\n%s\n", tsuya_check_blindness(check));
+    }
+    if (check->wander_ev > WANDERS_EV) {
+        printf("\nexposure wanders by %.1f EV over the session: fix time, aperture, ISO and the lamps\n", check->wander_ev);
     }
     if (check->placed == 0) {
         printf("\nviews: too little is shared to say which are missing\n");
@@ -135,7 +146,7 @@ static tsuya_status check_once(const tsuya_common *common, const check_input *in
     TSUYA_TRY(tsuya_check_session(&check, input->photos, input->masks, options, context));
     tsuya_terminal_end_line();
     if (!figures_to_stdout(common)) {
-        print_head();
+        print_head(input->target != NULL);
         for (int i = 0; i < check.count; i++) {
             print_row(&check.photo[i]);
         }
@@ -157,7 +168,7 @@ static tsuya_status look(tsuya_check_watch *watch, const tsuya_common *common, c
         return check->count > 0 ? save(common, input, check) : TSUYA_OK;
     }
     if (!figures_to_stdout(common)) {
-        print_head();
+        print_head(input->target != NULL);
         for (int i = 0; i < check->count; i++) {
             if (tsuya_check_watch_is_new(watch, i)) {
                 print_row(&check->photo[i]);
@@ -222,6 +233,7 @@ int tsuya_command_capture_check(int argc, char **argv)
     tsuya_command_parse(&check_syntax, &common, &input, argc, argv);
     tsuya_context context = tsuya_command_context(&common);
     tsuya_check_options options = tsuya_check_options_default();
+    options.target = input.target;
     tsuya_status status = input.watch ? watch_folder(&common, &input, &options, &context) : check_once(&common, &input, &options, &context);
     return status == TSUYA_OK ? TSUYA_EXIT_OK : tsuya_command_failed(status);
 }

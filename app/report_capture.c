@@ -17,6 +17,7 @@ static const column PHOTOGRAPH[] = {
     {"red EV", {"red_ev"}, "%.2f", 1.0},
     {"blue EV", {"blue_ev"}, "%.2f", 1.0},
     {"overlaps", {"neighbours"}, "%.0f", 1.0},
+    {"tags", {"tags"}, "%.0f", 1.0},
     {"azimuth °", {"azimuth_deg"}, "%.0f", 1.0},
     {"elevation °", {"elevation_deg"}, "%.0f", 1.0},
 };

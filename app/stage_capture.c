@@ -8,6 +8,8 @@ tsuya_status tsuya_stage_capture_plan(tsuya_stage_plan *plan, const tsuya_stage_
     tsuya_check_options o = tsuya_check_options_default();
     TSUYA_TRY(tsuya_stage_input(plan, "photos", run->job->photos));
     TSUYA_TRY(tsuya_stage_input(plan, "masks", run->job->masks));
+    TSUYA_TRY(tsuya_stage_input(plan, "scale: board", run->job->scale.board));
+    tsuya_json_set_number(plan->options, "features", o.features);
     tsuya_json_set_number(plan->options, "blur_ratio", o.blur_ratio);
     tsuya_json_set_number(plan->options, "blur_excess_px", o.blur_excess_px);
     tsuya_json_set_number(plan->options, "clipped_share", o.clipped_share);
@@ -26,6 +28,7 @@ tsuya_status tsuya_stage_capture_run(const tsuya_stage_run *run)
     if (!path) {
         return TSUYA_ERROR_MEMORY;
     }
+    options.target = run->job->scale.board;
     TSUYA_TRY(tsuya_check_session(&check, run->job->photos, run->job->masks, &options, run->context));
     tsuya_check_to_json(run->figures, &check);
     for (int i = 0; i < check.count; i++) {

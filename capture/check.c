@@ -8,7 +8,7 @@
 tsuya_check_options tsuya_check_options_default(void)
 {
     return (tsuya_check_options){.blur_ratio = 1.5, .blur_excess_px = 0.8, .clipped_share = 0.05, .exposure_ev = 0.6, .white_balance_ev = 0.3,
-                                 .shared_features = 16, .features = 800, .features_long_side_px = 1000};
+                                 .shared_features = 16, .features = 4000, .features_long_side_px = 1000};
 }
 
 void tsuya_check_free(tsuya_check *check)
@@ -34,6 +34,8 @@ static void photo_to_json(tsuya_json *object, const tsuya_check *check, const ts
     tsuya_json_set_number(object, "red_ev", p->red_ev);
     tsuya_json_set_number(object, "blue_ev", p->blue_ev);
     tsuya_json_set_number(object, "focal_mm", p->photo.focal_mm > 0.0 ? p->photo.focal_mm : NAN);
+    tsuya_json_set_number(object, "tags", p->tags < 0 ? NAN : (double)p->tags);
+    tsuya_json_set_number(object, "tags_focal_px", p->tags_focal_px);
     tsuya_json_set_number(object, "neighbours", p->neighbours);
     tsuya_json_set_number(object, "shared_features", p->strongest);
     tsuya_json_set_number(object, "azimuth_deg", p->azimuth_deg);
@@ -65,6 +67,8 @@ void tsuya_check_to_json(tsuya_json *object, const tsuya_check *check)
     tsuya_json_set_number(object, "take_again", check->again);
     tsuya_json_set_number(object, "blur_px", check->blur_px);
     tsuya_json_set_number(object, "focal_mm", check->focal_mm > 0.0 ? check->focal_mm : NAN);
+    tsuya_json_set_number(object, "tags_focal_px", check->tags_focal_px);
+    tsuya_json_set_number(object, "wander_ev", check->wander_ev);
     tsuya_json_set_number(object, "placed", check->placed);
     tsuya_json_set_number(object, "covered", check->covered);
     tsuya_json_set_number(object, "seconds", check->seconds);

@@ -29,6 +29,10 @@ typedef struct tsuya_checked_photo {
     double level[3];                           /* mean linear value of the object's pixels */
     int features, neighbours, strongest;       /* photographs that share enough; shared features with the nearest of them */
     double exposure_ev, red_ev, blue_ev;       /* against the session, log2; red and blue against green; NaN: not known */
+    double apart_ev[3];                        /* red, exposure, blue as the neighbours agree, beyond what EXIF tells; NaN: fewer than two */
+    int tags;                                  /* of the target seen; −1: no target was given */
+    double tags_focal_px, tags_focal_sigma_px; /* focal length that they tell, without a calibration; NaN: too few, too frontal */
+    double told_ev;                            /* exposure against the session by EXIF where the pixels confirm it; else 0 */
     int same_as;                               /* −1, or an earlier photograph with the same view */
     /* Where it was taken from, seen from the object: azimuth counter-clockwise from above (a step to the right raises it), 0 at the
      * first photograph by name that has one; elevation above the cameras' common horizon.  NaN: not known. */
@@ -49,6 +53,10 @@ typedef struct tsuya_check {
     tsuya_checked_photo *photo; /* by name */
     int count, again;
     double blur_px, focal_mm;   /* of the session: median of the worst directions; most common, 0 where EXIF has none */
+    double blur_limit_px;       /* beyond the session's own scatter */
+    double limit_ev[3];         /* that apart_ev is held against */
+    double tags_focal_px;       /* median of what the photographs' tags tell; NaN: fewer than three do */
+    double wander_ev;           /* of the exposure, 10th to 90th percentile; NaN: not known */
     int width_px, height_px;    /* most common size */
     int shared;                 /* median of the photographs' strongest: how well the session hangs together */
     int placed;                 /* photographs whose direction is known */
@@ -66,11 +74,12 @@ typedef struct tsuya_check_options {
     double exposure_ev, white_balance_ev;
     int shared_features;   /* that make two photographs neighbours */
     int features, features_long_side_px;
+    const char *target;    /* board.yaml of tags in the scene; NULL: none are looked for.  Borrowed */
 } tsuya_check_options;
 TSUYA_API tsuya_check_options tsuya_check_options_default(void);
 
 /* Every image of a folder.  Photographs that cannot be read are reported, not failed on.  `masks` may be NULL.  Fails on an
- * empty folder.  About 1 s and 300 MiB for a photograph of 24 Mpix. */
+ * empty folder and on a target that cannot be read.  About 1 s and 300 MiB for a photograph of 24 Mpix. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_check_session(tsuya_check *check, const char *photos, const char *masks,
                                                             const tsuya_check_options *options, const tsuya_context *context);
 TSUYA_API void tsuya_check_free(tsuya_check *check);

@@ -170,7 +170,7 @@ done:
     return status;
 }
 
-tsuya_status tsuya_check_photo(tsuya_checked_photo *p, tsuya_check_sight *sight, const tsuya_check_options *options,
+tsuya_status tsuya_check_photo(tsuya_checked_photo *p, tsuya_check_sight *sight, const tsuya_board *target, const tsuya_check_options *options,
                                const tsuya_context *context)
 {
     tsuya_image loaded = {0};
@@ -184,6 +184,7 @@ tsuya_status tsuya_check_photo(tsuya_checked_photo *p, tsuya_check_sight *sight,
         return TSUYA_OK;
     }
     status = measure(p, sight, &loaded, options, context);
+    status = status == TSUYA_OK && target ? tsuya_check_tags(p, target, &loaded) : status;
     tsuya_image_free(&loaded);
     return status;
 }

@@ -1,7 +1,4 @@
-/* Photographs against each other: who sees what others see, as bright and as coloured as they see it.
- *
- * Exposure and white balance: on the features that two photographs share, the median ratio of their colours; then one gain a
- * photograph and channel that explains all ratios best (least squares), the session's median as zero. */
+/* Photographs against each other: who sees what others see, and what that makes of each. */
 #include "capture/check_photo.h"
 
 #include "core/memory.h"
@@ -10,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SWEEPS = 500, WINDOW = 5, ALL_PAIRS_BELOW = 16, FEWEST_RATIOS = 10 };
+enum { WINDOW = 5, ALL_PAIRS_BELOW = 16 };
 /* A photograph is called foreign only in a session that hangs together: whose usual photograph shares so many times what makes
  * a neighbour.  Round marble taken every 20 degrees shares hardly more than chance, and says nothing. */
 enum { CLEAR = 3 };
@@ -26,33 +23,22 @@ static int compare_double(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-static double median_of(double *value, int count)
+double tsuya_check_median(double *value, int count)
 {
     qsort(value, (size_t)count, sizeof *value, compare_double);
     return count == 0 ? NAN : count % 2 ? value[count / 2] : 0.5 * (value[count / 2 - 1] + value[count / 2]);
 }
 
-static bool usable(const float *color, int c) { return color[c] > 0.004f && color[c] < 0.95f; }
-
 static void relate(relation *r, const tsuya_check_sight *a, const tsuya_check_sight *b, const tsuya_feature_pair *pair, double *list)
 {
-    for (int c = 0; c < 3; c++) {
-        int n = 0;
-        for (int k = 0; k < r->shared; k++) {
-            const float *from = a->color + 3 * pair[k].a, *to = b->color + 3 * pair[k].b;
-            if (usable(from, c) && usable(to, c)) {
-                list[n++] = log2((double)(from[c] / to[c]));
-            }
-        }
-        r->ratio[c] = n >= FEWEST_RATIOS ? median_of(list, n) : NAN;
-    }
+    tsuya_check_compare_light(r, a, b, pair, list);
     for (int k = 0; k < r->shared; k++) {
         double ax, ay, bx, by;
         tsuya_features_place(a->features, pair[k].a, &ax, &ay);
         tsuya_features_place(b->features, pair[k].b, &bx, &by);
         list[k] = hypot(ax / a->work_long_side_px - bx / b->work_long_side_px, ay / a->work_long_side_px - by / b->work_long_side_px);
     }
-    r->moved = median_of(list, r->shared);
+    r->moved = tsuya_check_median(list, r->shared);
 }
 
 /* All pairs of a small session; of a large one those close in the order of their names, which is the order of taking. */
@@ -143,62 +129,6 @@ done:
     return status;
 }
 
-/* Gauss–Seidel on the normal equations of Σ w (x_i − x_j − d_ij)². */
-static void solve_gains(double *gain, const relation *relations, int count, int channel, int fewest)
-{
-    for (int i = 0; i < count; i++) {
-        gain[i] = 0.0;
-    }
-    for (int sweep = 0; sweep < SWEEPS; sweep++) {
-        for (int i = 0; i < count; i++) {
-            double sum = 0.0, weight = 0.0;
-            for (int j = 0; j < count; j++) {
-                const relation *r = &relations[i * count + j];
-                if (j != i && r->used && r->shared >= fewest && isfinite(r->ratio[channel])) {
-                    sum += r->shared * (gain[j] + r->ratio[channel]);
-                    weight += r->shared;
-                }
-            }
-            gain[i] = weight > 0.0 ? sum / weight : 0.0;
-        }
-    }
-}
-
-static void centre(double *value, double *list, const tsuya_check *check)
-{
-    int n = 0;
-    for (int i = 0; i < check->count; i++) {
-        if (check->photo[i].neighbours > 0) {
-            list[n++] = value[i];
-        }
-    }
-    double middle = n > 0 ? median_of(list, n) : 0.0;
-    for (int i = 0; i < check->count; i++) {
-        value[i] = check->photo[i].neighbours > 0 ? value[i] - middle : NAN;
-    }
-}
-
-static tsuya_status set_gains(tsuya_check *check, const relation *relations, int fewest)
-{
-    tsuya_status status = TSUYA_OK;
-    double *gain = NULL;
-    size_t n = (size_t)check->count;
-    TSUYA_NEW(status, gain, 4 * n);
-    for (int c = 0; c < 3; c++) {
-        solve_gains(gain + (size_t)c * n, relations, check->count, c, fewest);
-        centre(gain + (size_t)c * n, gain + 3 * n, check);
-    }
-    for (size_t i = 0; i < n; i++) {
-        tsuya_checked_photo *p = &check->photo[i];
-        p->exposure_ev = gain[n + i];
-        p->red_ev = gain[i] - gain[n + i];
-        p->blue_ev = gain[2 * n + i] - gain[n + i];
-    }
-done:
-    tsuya_free(gain);
-    return status;
-}
-
 static tsuya_status median_shared(tsuya_check *check)
 {
     tsuya_status status = TSUYA_OK;
@@ -207,7 +137,7 @@ static tsuya_status median_shared(tsuya_check *check)
     for (int i = 0; i < check->count; i++) {
         shared[i] = check->photo[i].strongest;
     }
-    check->shared = check->count > 0 ? (int)median_of(shared, check->count) : 0;
+    check->shared = check->count > 0 ? (int)tsuya_check_median(shared, check->count) : 0;
     tsuya_free(shared);
 done:
     return status;
@@ -237,23 +167,24 @@ tsuya_status tsuya_check_relations(tsuya_check *check, tsuya_check_relation *rel
         }
     }
     TSUYA_TRY(median_shared(check));
-    return set_gains(check, relations, options->shared_features);
+    return tsuya_check_light(check, relations, options);
 }
 
-static void judge_blur(tsuya_checked_photo *p, double session_px, const tsuya_check_options *o)
+static void judge_blur(const tsuya_check *check, tsuya_checked_photo *p, const tsuya_check_options *o)
 {
-    double worst = p->blur.worst_px, best = p->blur.best_px, excess = o->blur_excess_px;
-    if (!(worst > o->blur_ratio * session_px) || !(worst * worst > session_px * session_px + excess * excess)) {
+    double worst = p->blur.worst_px, best = p->blur.best_px, session = check->blur_px;
+    if (!(worst > o->blur_ratio * session) || !(worst * worst > session * session + o->blur_excess_px * o->blur_excess_px) ||
+        !(worst > check->blur_limit_px)) {
         return;
     }
     if (best < 0.6 * worst) {
-        tsuya_check_fault(p, "blurred by motion: edges %.1f px wide one way, %.1f px the other (session %.1f px)", worst, best, session_px);
+        tsuya_check_fault(p, "blurred by motion: edges %.1f px wide one way, %.1f px the other (session %.1f px)", worst, best, session);
     } else {
-        tsuya_check_fault(p, "blurred: edges are %.1f px wide (session %.1f px)", worst, session_px);
+        tsuya_check_fault(p, "blurred: edges are %.1f px wide (session %.1f px)", worst, session);
     }
 }
 
-static void judge_colors(tsuya_checked_photo *p, const tsuya_check_options *o)
+static void judge_colors(const tsuya_check *check, tsuya_checked_photo *p, const tsuya_check_options *o)
 {
     static const char *const names[3] = {"red", "green", "blue"};
     for (int c = 0; c < 3; c++) {
@@ -262,11 +193,14 @@ static void judge_colors(tsuya_checked_photo *p, const tsuya_check_options *o)
             break;
         }
     }
-    if (fabs(p->exposure_ev) > o->exposure_ev) {
-        tsuya_check_fault(p, "%s than the others by %.1f EV", p->exposure_ev < 0.0 ? "darker" : "brighter", fabs(p->exposure_ev));
+    const double *off = p->apart_ev;
+    if (fabs(off[1]) > check->limit_ev[1]) {
+        tsuya_check_fault(p, "%s than the others that show the same by %.1f EV", off[1] < 0.0 ? "darker" : "brighter", fabs(off[1]));
+    } else if (p->told_ev != 0.0) {
+        tsuya_check_fault(p, "%s than the others: exposed %+.1f EV against the session", p->told_ev < 0.0 ? "darker" : "brighter", p->told_ev);
     }
-    if (fabs(p->red_ev) > o->white_balance_ev || fabs(p->blue_ev) > o->white_balance_ev) {
-        tsuya_check_fault(p, "another white balance: red %+.2f EV, blue %+.2f EV against green", p->red_ev, p->blue_ev);
+    if (fabs(off[0]) > check->limit_ev[0] || fabs(off[2]) > check->limit_ev[2]) {
+        tsuya_check_fault(p, "another white balance: red %+.2f EV, blue %+.2f EV against green", off[0], off[2]);
     }
 }
 
@@ -278,8 +212,8 @@ static void judge(tsuya_check *check, tsuya_checked_photo *p, const tsuya_check_
     if (check->focal_mm > 0.0 && p->photo.focal_mm > 0.0 && fabs(p->photo.focal_mm / check->focal_mm - 1.0) > 0.01) {
         tsuya_check_fault(p, "taken at %g mm, the others at %g mm", p->photo.focal_mm, check->focal_mm);
     }
-    judge_blur(p, check->blur_px, o);
-    judge_colors(p, o);
+    judge_blur(check, p, o);
+    judge_colors(check, p, o);
     if (p->same_as >= 0) {
         tsuya_check_fault(p, "the same view as %.100s", check->photo[p->same_as].photo.name);
     }
@@ -324,12 +258,18 @@ tsuya_status tsuya_check_verdicts(tsuya_check *check, const tsuya_check_options 
             edges += isfinite(p->blur.worst_px);
         }
     }
-    check->blur_px = median_of(value, edges);
+    check->blur_px = tsuya_check_median(value, edges);
+    for (int k = 0; k < edges; k++) { /* blur adds in squares */
+        value[k] = fabs(value[k] * value[k] - check->blur_px * check->blur_px);
+    }
+    double scatter = edges > 0 ? 1.4826 * tsuya_check_median(value, edges) : 0.0;
+    check->blur_limit_px = sqrt(check->blur_px * check->blur_px + TSUYA_CHECK_OUTLIER * scatter);
     check->focal_mm = most_common(focal, n);
     double size = most_common(pixels, n);
     check->width_px = (int)(size / 65536.0);
     check->height_px = (int)fmod(size, 65536.0);
     tsuya_free(value);
+    TSUYA_TRY(tsuya_check_tags_verdicts(check));
     for (int i = 0; i < check->count; i++) {
         if (check->photo[i].readable) {
             judge(check, &check->photo[i], options);

@@ -15,6 +15,7 @@ struct tsuya_check_watch {
     tsuya_check_relation *relations;
     tsuya_check_options options;
     char *photos, *masks;
+    tsuya_board target; /* empty where none was given */
 };
 
 static bool is_image(const char *name)
@@ -61,6 +62,7 @@ static void stamp(double to[3], const char *path)
 static tsuya_status open_photo(tsuya_checked_photo *p, tsuya_check_sight *sight, const char *path, const char *mask)
 {
     *p = (tsuya_checked_photo){.same_as = -1, .exposure_ev = NAN, .red_ev = NAN, .blue_ev = NAN, .azimuth_deg = NAN, .elevation_deg = NAN,
+                               .tags = -1, .tags_focal_px = NAN, .tags_focal_sigma_px = NAN, .apart_ev = {NAN, NAN, NAN},
                                .blur = {.best_px = NAN, .worst_px = NAN}};
     tsuya_status status = tsuya_photo_load(&p->photo, path);
     p->readable = status == TSUYA_OK;
@@ -202,7 +204,7 @@ static tsuya_status read_photo(tsuya_check_watch *w, int i, const tsuya_context 
     tsuya_progress_update(context, "photographs", i, w->check.count, p->photo.name);
     TSUYA_TRY(tsuya_check_interrupt());
     if (p->readable) {
-        TSUYA_TRY(tsuya_check_photo(p, sight, &w->options, context));
+        TSUYA_TRY(tsuya_check_photo(p, sight, w->target.tag_count > 0 ? &w->target : NULL, &w->options, context));
     }
     sight->own_faults = p->fault_count;
     sight->measured = true;
@@ -238,9 +240,10 @@ tsuya_status tsuya_check_watch_create(tsuya_check_watch **watch, const char *pho
     w->options = *options;
     w->photos = tsuya_strdup(photos);
     w->masks = masks ? tsuya_strdup(masks) : NULL;
-    if (!w->photos || (masks && !w->masks)) {
+    status = !w->photos || (masks && !w->masks) ? TSUYA_ERROR_MEMORY : options->target ? tsuya_board_load(&w->target, options->target) : TSUYA_OK;
+    if (status != TSUYA_OK) {
         tsuya_check_watch_free(w);
-        return TSUYA_ERROR_MEMORY;
+        return status;
     }
     *watch = w;
 done:
@@ -257,6 +260,7 @@ void tsuya_check_watch_free(tsuya_check_watch *w)
         release(w);
         tsuya_free(w->photos);
         tsuya_free(w->masks);
+        tsuya_board_free(&w->target);
         tsuya_free(w);
     }
 }

@@ -119,6 +119,39 @@ void fault_gain(const char *to, const char *from, double red, double green, doub
 
 void fault_again(const char *to, const char *from) { fault_gain(to, from, 1.0, 1.0, 1.0); }
 
+void fault_foreign(const char *to, const char *from, int width_px, int height_px)
+{
+    tsuya_image linear, sized;
+    load_linear(&linear, from);
+    assert_ok(tsuya_image_resize(&sized, &linear, width_px, height_px));
+    save(&sized, to);
+    tsuya_image_free(&linear);
+    tsuya_image_free(&sized);
+}
+
+void fault_zoom(const char *to, const char *from, double factor)
+{
+    tsuya_image linear, zoomed;
+    load_linear(&linear, from);
+    assert_ok(tsuya_image_copy(&zoomed, &linear));
+    double cx = 0.5 * (linear.width_px - 1), cy = 0.5 * (linear.height_px - 1);
+    for (int y = 0; y < linear.height_px; y++) {
+        for (int x = 0; x < linear.width_px; x++) {
+            double sx = cx + (x - cx) / factor, sy = cy + (y - cy) / factor;
+            int ix = (int)fmin(floor(sx), linear.width_px - 2), iy = (int)fmin(floor(sy), linear.height_px - 2);
+            float fx = (float)(sx - ix), fy = (float)(sy - iy);
+            const float *a = tsuya_image_f32(&linear, ix, iy), *b = tsuya_image_f32(&linear, ix + 1, iy);
+            const float *c = tsuya_image_f32(&linear, ix, iy + 1), *d = tsuya_image_f32(&linear, ix + 1, iy + 1);
+            for (int k = 0; k < linear.channels; k++) {
+                tsuya_image_f32(&zoomed, x, y)[k] = (1 - fy) * ((1 - fx) * a[k] + fx * b[k]) + fy * ((1 - fx) * c[k] + fx * d[k]);
+            }
+        }
+    }
+    save(&zoomed, to);
+    tsuya_image_free(&linear);
+    tsuya_image_free(&zoomed);
+}
+
 const tsuya_checked_photo *checked(const tsuya_check *check, const char *name)
 {
     for (int i = 0; i < check->count; i++) {
@@ -138,7 +171,8 @@ void assert_accused(const tsuya_check *check, const char *name, const char *part
         found = found || strstr(p->fault[k], part);
     }
     if (!found) {
-        fail_msg("%s: not accused of \"%s\" (edges %.2f px, %.2f EV, %d neighbours, strongest %d; first fault: %s)", name, part,
-                 p->blur.worst_px, p->exposure_ev, p->neighbours, p->strongest, p->fault_count ? p->fault[0] : "none");
+        fail_msg("%s: not accused of \"%s\" (edges %.2f px, %.2f EV, apart %.2f %.2f %.2f EV, limits %.2f %.2f %.2f EV, %d neighbours, strongest %d; first fault: %s)", name, part,
+                 p->blur.worst_px, p->exposure_ev, p->apart_ev[0], p->apart_ev[1], p->apart_ev[2], check->limit_ev[0], check->limit_ev[1], check->limit_ev[2],
+                 p->neighbours, p->strongest, p->fault_count ? p->fault[0] : "none");
     }
 }

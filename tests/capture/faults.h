@@ -13,6 +13,10 @@ void fault_motion(const char *to, const char *from, int length_px);
 void fault_gain(const char *to, const char *from, double red, double green, double blue);
 /* The same picture, encoded again. */
 void fault_again(const char *to, const char *from);
+/* Another picture at this size, so that size does not tell. */
+void fault_foreign(const char *to, const char *from, int width_px, int height_px);
+/* The same place through a lens zoomed by this factor: the middle, enlarged (bilinear). */
+void fault_zoom(const char *to, const char *from, double factor);
 
 /* The photograph of a name; fails the test where there is none. */
 const tsuya_checked_photo *checked(const tsuya_check *check, const char *name);
