@@ -47,7 +47,7 @@ TSUYA_API void tsuya_drape_sheet_free(tsuya_drape_sheet *sheet);
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_drape_sheet_grid(tsuya_drape_sheet *sheet, double u0_m, double v0_m, double spacing_m,
                                                                int columns, int rows);
 /* A disc in the plane z = 0 in rings of near-equilateral triangles; held inside `clamp_m` (0: nothing is), which runs
- * midway between two rings. */
+ * midway between two rings: both are held, so that the sheet leaves the plane there. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_drape_sheet_disc(tsuya_drape_sheet *sheet, double radius_m, double clamp_m,
                                                                double spacing_m);
 /* A Noh karaori, front and back in one piece that is folded at the shoulders (v = 0; front v > 0), sleeves along ±u, open in front

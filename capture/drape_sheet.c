@@ -138,7 +138,7 @@ tsuya_status tsuya_drape_sheet_disc(tsuya_drape_sheet *s, double radius_m, doubl
             uint32_t v = ring_vertex(r, k);
             s->position[3 * v] = radius * cos(2.0 * M_PI * k / fmax(6.0 * r, 1.0));
             s->position[3 * v + 1] = radius * sin(2.0 * M_PI * k / fmax(6.0 * r, 1.0));
-            s->fixed[v] = inner > 0 && r <= inner;
+            s->fixed[v] = inner > 0 && r <= inner + 1;
         }
     }
     size_t t = 0;
