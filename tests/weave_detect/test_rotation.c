@@ -18,19 +18,19 @@ typedef struct tally {
 
 /* Periods of an image's finer and coarser threads, px, read off the spectra of whole images: five scales, three poses (three lamps each).  What the
  * detector sees does not choose the patches that are counted. */
-typedef struct cloth {
+typedef struct real_cloth {
     const char *prefix;
     double period_px[5][3][2];
-} cloth;
+} real_cloth;
 
-static const cloth linen = {"44-", {{{8.0, 10.8}, {5.4, 8.9}, {7.3, 9.5}}, {{6.5, 7.8}, {4.95, 7.4}, {5.9, 6.9}}, {{5.2, 6.45}, {4.5, 6.1}, {4.8, 6.05}},
+static const real_cloth linen = {"44-", {{{8.0, 10.8}, {5.4, 8.9}, {7.3, 9.5}}, {{6.5, 7.8}, {4.95, 7.4}, {5.9, 6.9}}, {{5.2, 6.45}, {4.5, 6.1}, {4.8, 6.05}},
                                      {{4.25, 5.5}, {3.7, 5.25}, {3.9, 5.2}}, {{3.5, 4.54}, {3.0, 4.5}, {3.2, 4.5}}}};
-static const cloth cotton = {"46-", {{{4.45, 8.0}, {4.2, 5.6}, {4.3, 7.1}}, {{3.6, 6.5}, {3.5, 5.75}, {3.6, 5.9}}, {{2.9, 5.25}, {2.88, 4.6}, {2.95, 4.77}},
+static const real_cloth cotton = {"46-", {{{4.45, 8.0}, {4.2, 5.6}, {4.3, 7.1}}, {{3.6, 6.5}, {3.5, 5.75}, {3.6, 5.9}}, {{2.9, 5.25}, {2.88, 4.6}, {2.95, 4.77}},
                                       {{2.35, 4.36}, {2.42, 3.87}, {2.42, 3.93}}, {{2.03, 3.6}, {2.0, 3.1}, {2.0, 3.26}}}};
-static const cloth wool = {"22", {{{0.0}}}};
+static const real_cloth wool = {"22", {{{0.0}}}};
 
 /* NAME-scale_S_im_I_grey.png */
-static const double *periods_of(const cloth *c, const char *name)
+static const double *periods_of(const real_cloth *c, const char *name)
 {
     int scale, image;
     const char *at = strstr(name, "scale_");
@@ -137,7 +137,7 @@ static int compare_doubles(const void *a, const void *b)
 
 static double percent_sure(const tally *t, int sort) { return t->patches[sort] > 0 ? 100.0 * t->sure[sort] / t->patches[sort] : NAN; }
 
-static bool run_folder(tally *t, const char *folder, const cloth *cloth)
+static bool run_folder(tally *t, const char *folder, const real_cloth *cloth)
 {
     tsuya_arena *arena;
     char **names;
@@ -169,7 +169,7 @@ static bool run_folder(tally *t, const char *folder, const cloth *cloth)
 }
 
 /* `percent`: least share that is sure where both families' threads span 4 px; 0: everything is reported only. */
-static void turns_with(const char *folder, const cloth *cloth, double percent)
+static void turns_with(const char *folder, const real_cloth *cloth, double percent)
 {
     const char *path = test_data(folder);
     tally t;
