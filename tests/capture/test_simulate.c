@@ -72,18 +72,18 @@ static void a_turntable_turns_about_its_axis(void **state)
     assert_ok(tsuya_simulate_scene_load(&scene, write_scene("table.yaml", text)));
     assert_ok(tsuya_simulate_camera(&camera, &scene));
     assert_ok(tsuya_mesh_create(&cloth.mesh, 2, 0, 0));
-    const float corners[6] = {-0.2f, -0.1f, 0.1f, 0.4f, 0.3f, 0.5f};
+    const float corners[6] = {-0.25f, -0.125f, 0.125f, 0.5f, 0.375f, 0.5f}; /* exact in binary */
     memcpy(cloth.mesh.position, corners, sizeof corners);
     assert_ok(tsuya_simulate_views(&view, &count, &scene, &camera, &cloth, 3));
     assert_int_equal(count, COUNT);
     for (int i = 0; i < COUNT; i++) {
         for (int k = 0; k < 2; k++) { /* two points of the axis, in the camera's frame */
-            tsuya_vec3 p = {0.1, 0.1, 0.2 + 0.3 * k};
+            tsuya_vec3 p = {0.125, 0.125, 0.2 + 0.3 * k};
             tsuya_vec3 now = tsuya_pose_apply(view[i].camera_from_world, p), first = tsuya_pose_apply(view[0].camera_from_world, p);
             assert_true(tsuya_vec3_norm(tsuya_vec3_sub(now, first)) < 1e-9);
         }
         tsuya_vec3 eye = tsuya_pose_apply(tsuya_pose_inverse(view[i].camera_from_world), (tsuya_vec3){0, 0, 0});
-        double azimuth = tsuya_deg_from_rad(atan2(eye.y - 0.1, eye.x - 0.1)), step = remainder(azimuth - before, 360.0);
+        double azimuth = tsuya_deg_from_rad(atan2(eye.y - 0.125, eye.x - 0.125)), step = remainder(azimuth - before, 360.0);
         assert_true(i == 0 || (fabs(step - 360.0 / COUNT) <= 2.0 * 0.05 * 360.0 / COUNT && fabs(step - 360.0 / COUNT) > 1e-6));
         before = azimuth;
     }
