@@ -1,13 +1,14 @@
 /* The patches of a photograph: where they stand, what the table holds, what is refused. */
 #include "support.h"
 
+#include "core/context.h"
 #include "core/table.h"
 #include "weave_detect/label.h"
 #include "weave_detect/patches.h"
 
 #include <math.h>
 
-/* Two crossed gratings at 20° and 110°, periods 6 and 8 px. */
+/* Two crossed gratings at 20° and 110°, periods 6 and 8 px, under some noise: the detector's confidence was learnt on photographs, which have it. */
 static void draw_gratings(tsuya_image *image, int width, int height)
 {
     assert_ok(tsuya_image_create(image, width, height, 1, TSUYA_SAMPLE_F32, TSUYA_ENCODING_SRGB));
@@ -16,7 +17,7 @@ static void draw_gratings(tsuya_image *image, int width, int height)
         for (int x = 0; x < width; x++) {
             double across = -sin(a) * x - cos(a) * y, along = cos(a) * x - sin(a) * y;
             double ridge = 0.5 * cos(2.0 * M_PI * across / 6.0) + 0.4 * cos(2.0 * M_PI * along / 8.0);
-            *tsuya_image_f32(image, x, y) = (float)(0.3 + 0.2 * ridge);
+            *tsuya_image_f32(image, x, y) = (float)(0.3 + 0.2 * ridge + 0.05 * tsuya_random_normal(1, 1, (uint64_t)(y * width + x)));
         }
     }
 }
