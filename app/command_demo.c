@@ -11,28 +11,34 @@
 
 /* What is made: docs/capture.md explains the keys.  Another text makes an earlier demo's photographs anew. */
 static const char QUICK[] =
-    "# The scene of `tsuya demo`, 3: `tsuya capture simulate scene.yaml -o DIR` makes the same photographs.\n"
-    "camera: {size: [800, 600], focal_px: 1006, distortion: [-0.04, 0.01, 0, 0], f_number: 22, bayer: true, blur_px: 0.6, full_well_e: 50000}\n"
+    "# The scene of `tsuya demo`, 4: `tsuya capture simulate scene.yaml -o DIR` makes the same photographs.\n"
+    "camera: {size: [800, 600], focal_px: 1006, distortion: [-0.04, 0.01, 0, 0], f_number: 22, bayer: true, blur_px: 0.6, full_well_e: 500000, "
+    "jpeg_quality: 97}\n"
     "views:\n"
-    "  - {count: 14, elevation_deg: 17, distance_m: 0.65}\n"
-    "  - {count: 8, elevation_deg: 42, distance_m: 0.65}\n"
-    "  - {count: 2, elevation_deg: 70, distance_m: 0.65}\n"
-    "  - {count: 10, px_per_thread: 5}\n"
-    "cloth: {kind: square, fabric: silk, reflectance: satin, side_m: 0.36, spacing_m: 0.009, weft_mm: 0.8, warp_mm: 0.7}\n";
-/* The same camera read out five times as finely, and finer threads; every photograph shows them. */
+    "  - {count: 6, elevation_deg: 8, azimuth_deg: 90, sweep_deg: 130, distance_m: 0.95}\n"
+    "  - {count: 4, elevation_deg: 35, azimuth_deg: 90, sweep_deg: 110, distance_m: 0.95}\n"
+    "  - {count: 6, elevation_deg: 8, azimuth_deg: 270, sweep_deg: 130, distance_m: 0.95}\n"
+    "  - {count: 4, elevation_deg: 35, azimuth_deg: 270, sweep_deg: 110, distance_m: 0.95}\n"
+    "  - {count: 8, px_per_thread: 1.5}\n"
+    "  - {count: 16, px_per_thread: 4.3}\n"
+    "cloth: {kind: karaori, fabric: karaori, reflectance: satin, side_m: 0.5, spacing_m: 0.011, weft_mm: 0.5, warp_mm: 0.47}\n";
+/* The same camera read out five times as finely, and a sheet that is draped in finer cells. */
 static const char FULL[] =
-    "# The scene of `tsuya demo --quality full`, 3: `tsuya capture simulate scene.yaml -o DIR` makes the same photographs.\n"
-    "camera: {size: [4000, 3000], focal_px: 5030, distortion: [-0.04, 0.01, 0, 0], f_number: 22, bayer: true, blur_px: 0.6, full_well_e: 50000}\n"
+    "# The scene of `tsuya demo --quality full`, 4: `tsuya capture simulate scene.yaml -o DIR` makes the same photographs.\n"
+    "camera: {size: [4000, 3000], focal_px: 5030, distortion: [-0.04, 0.01, 0, 0], f_number: 22, bayer: true, blur_px: 0.6, full_well_e: 50000, "
+    "jpeg_quality: 97}\n"
     "views:\n"
-    "  - {count: 32, elevation_deg: 17, distance_m: 0.65}\n"
-    "  - {count: 20, elevation_deg: 42, distance_m: 0.65}\n"
-    "  - {count: 8, elevation_deg: 70, distance_m: 0.65}\n"
-    "cloth: {kind: square, fabric: silk, reflectance: satin, side_m: 0.36, spacing_m: 0.006, weft_mm: 0.6, warp_mm: 0.5}\n";
+    "  - {count: 15, elevation_deg: 8, azimuth_deg: 90, sweep_deg: 130, distance_m: 0.95}\n"
+    "  - {count: 11, elevation_deg: 35, azimuth_deg: 90, sweep_deg: 110, distance_m: 0.95}\n"
+    "  - {count: 15, elevation_deg: 8, azimuth_deg: 270, sweep_deg: 130, distance_m: 0.95}\n"
+    "  - {count: 11, elevation_deg: 35, azimuth_deg: 270, sweep_deg: 110, distance_m: 0.95}\n"
+    "  - {count: 8, px_per_thread: 8}\n"
+    "cloth: {kind: karaori, fabric: karaori, reflectance: satin, side_m: 0.5, spacing_m: 0.008, weft_mm: 0.6, warp_mm: 0.55}\n";
 static const char BOTH[] =
     "name: demo\n"
     "seed: 1\n"
-    "stand: {kind: disc, radius_m: 0.08, height_m: 0.18}\n"
-    "mat: {cols: 9, rows: 9, tag_mm: 40, gap_mm: 10, first_id: 100}\n"
+    "stand: {kind: bar, radius_m: 0.015, height_m: 0.6, length_m: 0.6}\n"
+    "mat: {cols: 9, rows: 9, tag_mm: 60, gap_mm: 15, first_id: 100}\n"
     "board: {cols: 8, rows: 5, tag_mm: 30, gap_mm: 9, photos: 20}\n"
     "goniometer: {azimuth_step_deg: 45, tilt_step_deg: 3, dye: [0.02, 0.02, 0.02], photos: true, photo_step_deg: 9, photo_scale: 0.2}\n"
     "lamps_measured: true\n";
@@ -44,7 +50,7 @@ typedef struct demo_input {
 
 enum { KEY_QUALITY = 500, SCENE_MOST = 4096 };
 static const struct argp_option demo_options[] = {
-    {"quality", KEY_QUALITY, "quick|full", 0, "quick (default): 34 photographs of half a megapixel; full: 60 of 12, which takes hours", 0},
+    {"quality", KEY_QUALITY, "quick|full", 0, "quick (default): 44 photographs of half a megapixel; full: 60 of 12, which takes hours", 0},
     {0},
 };
 

@@ -1,6 +1,7 @@
 #include "reconstruct/match_steps.h"
 
 #include "core/memory.h"
+#include "reconstruct/digest.h"
 #include "reconstruct/matching.h"
 #include "reconstruct/pairs.h"
 
@@ -243,7 +244,7 @@ static tsuya_status match_all(tsuya_reconstruction *r, tsuya_json *figures)
     tsuya_database database = {0};
     matcher o = {.r = r, .base = tsuya_reconstruction_path(r, "database.db"), .list = tsuya_reconstruction_path(r, "matches.txt"),
                .pairs = &pairs, .database = &database};
-    int added = 0;
+    int added = 0, details = 0;
     tsuya_status status;
     if (r->options->poses) {
         TSUYA_GOTO_DONE(status, tsuya_sparse_model_load(&o.posed, tsuya_reconstruction_path(r, "posed")));
@@ -255,8 +256,9 @@ static tsuya_status match_all(tsuya_reconstruction *r, tsuya_json *figures)
     TSUYA_GOTO_DONE(status, match_round(&o));
     tsuya_database_free(&database);
     TSUYA_GOTO_DONE(status, tsuya_database_load(&database, o.base));
+    TSUYA_GOTO_DONE(status, tsuya_digest_pairs(&pairs, &details, &database, o.base, &r->photos, r->context));
     TSUYA_GOTO_DONE(status, tsuya_pairs_extend(&pairs, &added, &database, &r->photos, &options));
-    if (added > 0) {
+    if (added + details > 0) {
         TSUYA_GOTO_DONE(status, match_round(&o));
         tsuya_database_free(&database);
         TSUYA_GOTO_DONE(status, tsuya_database_load(&database, o.base));
@@ -265,6 +267,7 @@ static tsuya_status match_all(tsuya_reconstruction *r, tsuya_json *figures)
     tsuya_json_set_number(figures, "pairs_possible", pairs.possible);
     tsuya_json_set_number(figures, "pairs_verified", database.pair_count);
     tsuya_json_set_number(figures, "pairs_added_by_view_graph", added);
+    tsuya_json_set_number(figures, "pairs_added_by_details", details);
     status = tsuya_pairs_save(&pairs, &r->photos, tsuya_reconstruction_path(r, "pairs.txt"));
 done:
     tsuya_free(o.done);
@@ -277,7 +280,7 @@ done:
 tsuya_status tsuya_match_step(tsuya_reconstruction *r)
 {
     tsuya_reconstruct_info *info = r->info;
-    if (!tsuya_step_begin(&r->steps, "matching", "", tsuya_reconstruction_path(r, "pairs.txt"))) {
+    if (!tsuya_step_begin(&r->steps, "matching", "details", tsuya_reconstruction_path(r, "pairs.txt"))) {
         tsuya_json *figures = tsuya_json_create_object();
         tsuya_status status = match_all(r, figures);
         status = status == TSUYA_OK ? tsuya_reconstruction_end_step(r, figures) : status;
