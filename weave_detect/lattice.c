@@ -118,9 +118,6 @@ typedef struct strangers {
     float explained, any, fine, slow; /* fine: near what pixels just carry; slow: coarser than both families' threads */
     float part;                       /* of those of which a family is a multiple */
     float printed;                    /* share that a print explains too: multiples of the highest stranger, and the lattice shifted by them */
-    float streak[2], streaks[2];      /* of those that lie along a family's frequency: the highest, and their share */
-    float off, off_fine, off_slow;    /* as any, fine, slow, without those that uneven threads explain */
-    float uneven;                     /* share of the lattice's and of what uneven threads explain */
 } strangers;
 
 /* The family is a multiple, 2 … 5, of the peak. */
@@ -141,43 +138,6 @@ static bool is_printed(const tsuya_spectrum *s, const tsuya_basis *b, const tsuy
     return printed;
 }
 
-/* Threads that differ from each other in colour, width or place put power on lines through the lattice's points along their own frequency. */
-typedef struct lines {
-    double bins[2]; /* a step of 1 in a1 or a2 across the other family's lines, in bins of the patch */
-} lines;
-
-static lines set_lines(const tsuya_spectrum *s, const tsuya_basis *b)
-{
-    double det = fabs(b->f[0][0] * b->f[1][1] - b->f[0][1] * b->f[1][0]) * s->n;
-    return (lines){{det / hypot(b->f[1][0], b->f[1][1]), det / hypot(b->f[0][0], b->f[0][1])}};
-}
-
-/* How far off its line along family k's frequency, through the points with a whole (or, at plain weave, half) number of the other. */
-static inline bool is_on_line(const lines *l, spot at, int k, double parts)
-{
-    double other = k == 0 ? at.a2 : at.a1, miss = other - rint(parts * other) / parts;
-    return fabs(miss) * l->bins[1 - k] < 1.0;
-}
-
-static void note_uneven(strangers *out, const tsuya_peak *p, spot at, const lines *l, int repeat, float ff)
-{
-    bool axis[2] = {fabs(at.a2) * l->bins[1] < 1.0, fabs(at.a1) * l->bins[0] < 1.0};
-    double parts = repeat == 2 ? 2.0 : 1.0;
-    for (int k = 0; k < 2; k++) {
-        if (axis[k]) {
-            out->streaks[k] += p->level;
-            out->streak[k] = p->level > out->streak[k] ? p->level : out->streak[k];
-        }
-    }
-    if (is_on_line(l, at, 0, parts) || is_on_line(l, at, 1, parts)) {
-        out->uneven += p->level;
-        return;
-    }
-    out->off = p->level > out->off ? p->level : out->off;
-    out->off_fine = p->level > out->off_fine && (fabsf(p->fx) > 0.4f || p->fy > 0.4f) ? p->level : out->off_fine;
-    out->off_slow = p->level > out->off_slow && p->fx * p->fx + p->fy * p->fy < 0.5f * ff ? p->level : out->off_slow;
-}
-
 static strangers find_strangers(const tsuya_spectrum *s, const tsuya_basis *b, const tsuya_step *step)
 {
     strangers out = {0};
@@ -185,7 +145,6 @@ static strangers find_strangers(const tsuya_spectrum *s, const tsuya_basis *b, c
     bool on[TSUYA_PEAKS];
     spot at[TSUYA_PEAKS];
     double per_det = 1.0 / (b->f[0][0] * b->f[1][1] - b->f[0][1] * b->f[1][0]);
-    lines along = set_lines(s, b);
     float all = 1e-6f, ff = (float)fmin(square(b->f[0][0], b->f[0][1]), square(b->f[1][0], b->f[1][1]));
     for (int i = 0; i < s->peak_count; i++) {
         const tsuya_peak *p = &s->peak[i];
@@ -200,7 +159,6 @@ static strangers find_strangers(const tsuya_spectrum *s, const tsuya_basis *b, c
             continue;
         }
         highest = highest >= 0 ? highest : i; /* they are sorted */
-        note_uneven(&out, p, at[i], &along, step->repeat, ff);
         out.fine = p->level > out.fine && (fabsf(p->fx) > 0.4f || p->fy > 0.4f) ? p->level : out.fine;
         out.slow = p->level > out.slow && p->fx * p->fx + p->fy * p->fy < 0.5f * ff ? p->level : out.slow;
     }
@@ -209,11 +167,8 @@ static strangers find_strangers(const tsuya_spectrum *s, const tsuya_basis *b, c
         bool known = on[i] || is_printed(s, b, step, &s->peak[i], &s->peak[highest], at[i], at[highest]);
         out.printed += known ? s->peak[i].level : 0.0f;
     }
-    out.uneven = (out.uneven + out.explained) / all;
     out.explained /= all;
     out.printed /= all;
-    out.streaks[0] /= all;
-    out.streaks[1] /= all;
     return out;
 }
 
@@ -279,12 +234,7 @@ static void describe_doubts(float *feature, const tsuya_basis *b, const tsuya_sp
         LEVEL_SCALE * both, LEVEL_SCALE * one, LEVEL_SCALE * out->any, LEVEL_SCALE * out->fine, LEVEL_SCALE * out->slow,
         LEVEL_SCALE * out->part, out->printed, 0.25f * logf(middle / fine),
     };
-    const float uneven[8] = {
-        LEVEL_SCALE * out->streak[0], LEVEL_SCALE * out->streak[1], out->streaks[0], out->streaks[1],
-        LEVEL_SCALE * out->off, LEVEL_SCALE * out->off_fine, LEVEL_SCALE * out->off_slow, out->uneven,
-    };
     memcpy(feature, list, sizeof list);
-    memcpy(feature + 8, uneven, sizeof uneven);
 }
 
 static void describe(tsuya_basis *b, const tsuya_spectrum *s, float top, bool inferred)

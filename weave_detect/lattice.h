@@ -19,7 +19,7 @@
 #include "weave_detect/spectrum.h"
 #include "weave_detect/threads.h"
 
-enum { TSUYA_FEATURES = 64, TSUYA_BASES = 40, TSUYA_HIDDEN = 32, TSUYA_STEPS = 9 };
+enum { TSUYA_FEATURES = 56, TSUYA_BASES = 40, TSUYA_HIDDEN = 32, TSUYA_STEPS = 9 };
 
 /* How the threads interlace: repeat n and step s. */
 typedef struct tsuya_step {

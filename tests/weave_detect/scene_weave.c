@@ -73,10 +73,9 @@ void weave_loom_set(weave_loom *loom, const weave_cloth *cloth)
         loom->lamp[family][2] = sin(elevation);
         for (int i = 0; i < WEAVE_THREADS; i++) {
             loom->offset[family][i] = cloth->uneven > 0.0 ? cloth->uneven * thread_random(cloth, family, i, 0) : 0.0;
-            double uneven = cloth->uneven + 0.5 * cloth->streak[family], shades = 0.15 * cloth->rough + cloth->streak[family];
-            loom->width[family][i] = cloth->fill * (1.0 + (uneven > 0.0 ? uneven * thread_random(cloth, family, i, 1) : 0.0));
+            loom->width[family][i] = cloth->fill * (1.0 + (cloth->uneven > 0.0 ? cloth->uneven * thread_random(cloth, family, i, 1) : 0.0));
             loom->fibre_phase[family][i] = cloth->fibre > 0.0 ? 6.3 * thread_random(cloth, family, i, 2) : 0.0;
-            loom->shade[family][i] = shades > 0.0 ? 1.0 + shades * thread_random(cloth, family, i, 3) : 1.0;
+            loom->shade[family][i] = cloth->rough > 0.0 ? 1.0 + 0.15 * cloth->rough * thread_random(cloth, family, i, 3) : 1.0;
         }
         set_waves(loom, family);
     }
@@ -420,20 +419,18 @@ void weave_random_rough(weave_cloth *cloth, weave_camera *camera, uint64_t seed,
 
 void weave_random_spun(weave_cloth *cloth, weave_camera *camera, uint64_t seed, uint64_t index)
 {
-    double r[12];
+    double r[8];
     weave_random_rough(cloth, camera, seed, index);
-    for (int k = 0; k < 12; k++) {
+    for (int k = 0; k < 8; k++) {
         r[k] = tsuya_random_uniform(seed, index, (uint64_t)(40 + k));
     }
     cloth->rough *= 0.7;
-    cloth->uneven = 0.2 * r[8] * r[8];
-    cloth->streak[0] = 0.35 * r[9] * r[9];
-    cloth->streak[1] = 0.35 * r[10] * r[10];
+    cloth->uneven = 0.1 * cloth->rough;
     cloth->hair = r[0] * r[0];
     cloth->balance = 1.8 * r[1] - 0.9;
-    cloth->weft_px = 2.6 * pow(5.0, r[2]);
-    cloth->warp_px = fmin(fmax(cloth->weft_px * pow(2.4, 2.0 * r[3] - 1.0), 2.2), 14.0);
+    cloth->weft_px = 3.2 * pow(4.0, r[2]);
+    cloth->warp_px = fmin(fmax(cloth->weft_px * pow(2.2, 2.0 * r[3] - 1.0), 3.0), 14.0);
     cloth->fill = 0.8 + 0.25 * r[4];
     cloth->crimp = 0.3 + 0.6 * r[5];
-    camera->blur_px = fmin(0.3 + 0.25 * r[6] * fmin(cloth->weft_px, cloth->warp_px), 1.2);
+    camera->blur_px = fmin(0.3 + 0.15 * r[6] * fmin(cloth->weft_px, cloth->warp_px), 1.2);
 }

@@ -34,7 +34,6 @@ typedef struct weave_cloth {
     double uneven;              /* standard deviation of thread positions and widths, of a period */
     double fibre;               /* contrast of the fibres */
     double rough;               /* 0: machine-made; 1: as hand-spun linen: slubs, threads that wander and differ in brightness */
-    double streak[2];           /* standard deviation of the brightness, and of half the width, from thread to thread: weft, warp */
     double hair;                /* contrast of loose fibre ends that lie across the threads */
     double lamp_azimuth_deg, lamp_height_deg;
     double weft_albedo, warp_albedo, ground;
@@ -82,8 +81,7 @@ void weave_bound(double *weft_rad, double *warp_rad, int n, const weave_cloth *c
 void weave_random(weave_cloth *cloth, weave_camera *camera, uint64_t seed, uint64_t index);
 /* The same with rough yarns. */
 void weave_random_rough(weave_cloth *cloth, weave_camera *camera, uint64_t seed, uint64_t index);
-/* Spun yarns as of cotton: hairy, of two thicknesses, one family nearly straight and hidden; each thread of its own brightness, width and
- * place; softly focused.  Periods from 2.2 px. */
+/* Spun yarns as of cotton: hairy, of two thicknesses, one family nearly straight and hidden; softly focused. */
 void weave_random_spun(weave_cloth *cloth, weave_camera *camera, uint64_t seed, uint64_t index);
 
 #endif

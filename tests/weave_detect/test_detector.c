@@ -9,7 +9,7 @@
 
 #include <math.h>
 
-enum { N = 64, WIDE = 2 * N, DRAWS = 600, SEED = 31 };
+enum { N = 64, WIDE = 2 * N, DRAWS = 900, SEED = 31 };
 
 static float values[N * N];
 static tsuya_detector *detector, *wide_detector;
