@@ -45,15 +45,24 @@ static double line_noise(const tsuya_studio_weave *w, uint64_t stream, long long
     return (1.0 - t) * hash(w, stream, yarn, (long long)cell) + t * hash(w, stream, yarn, (long long)cell + 1);
 }
 
+/* Most places lie outside: the hashes are drawn one by one until that is known. */
 static void flower(const tsuya_studio_weave *w, float rgb[3], long long i, long long j, double u, double v, double cell)
 {
-    double cx = ((double)i + 0.2 + 0.6 * hash(w, 11, i, j)) * cell, cy = ((double)j + 0.2 + 0.6 * hash(w, 12, i, j)) * cell;
-    double size = cell * (0.26 + 0.2 * hash(w, 13, i, j)), turn = 6.3 * hash(w, 14, i, j);
-    int petals = 7 + (int)(6.0 * hash(w, 15, i, j)), color = (int)(5.0 * hash(w, 16, i, j));
-    double x = u - cx, y = v - cy, r = hypot(x, y) / size, angle = atan2(y, x) + turn;
-    if (r > 1.05) {
+    const double reach = 1.05, largest = 0.46 * cell;
+    double x = u - ((double)i + 0.2 + 0.6 * hash(w, 11, i, j)) * cell;
+    if (fabs(x) > reach * largest) {
         return;
     }
+    double y = v - ((double)j + 0.2 + 0.6 * hash(w, 12, i, j)) * cell, square = x * x + y * y;
+    if (square > reach * largest * reach * largest) {
+        return;
+    }
+    double size = cell * (0.26 + 0.2 * hash(w, 13, i, j)), r = sqrt(square) / size;
+    if (r > reach) {
+        return;
+    }
+    double angle = atan2(y, x) + 6.3 * hash(w, 14, i, j);
+    int petals = 7 + (int)(6.0 * hash(w, 15, i, j)), color = (int)(5.0 * hash(w, 16, i, j));
     double lobe = fabs(cos(0.5 * petals * angle)), outline = 0.62 + 0.38 * sqrt(lobe);
     double inside = 1.0 - smooth(outline, 0.06, r), vein = smooth(0.22, 0.2, lobe) * smooth(0.3, 0.1, r);
     float petal[3] = {PETAL[color][0], PETAL[color][1], PETAL[color][2]};

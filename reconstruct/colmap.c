@@ -23,6 +23,9 @@ typedef struct command {
     const char *label;   /* of the progress */
     double done, total;
     bool one_processor, zeroed;
+    int part; /* its number where several run at once, 0: alone */
+    tsuya_line_sink sink; /* NULL: follow */
+    void *sink_user;
     char trouble[256]; /* what its database said; COLMAP itself goes on and exits with 0 */
 } command;
 
@@ -71,15 +74,20 @@ static void set_path(command *c, const char *option, const char *relative)
     set(c, option, path);
 }
 
+static void start(command *c)
+{
+    add(c, "colmap");
+    add(c, c->name);
+    set_if_known(c, "--random_seed", "1");
+}
+
 static tsuya_status begin(command *c, tsuya_colmap *colmap, const char *name, const char *label, char **help)
 {
     *c = (command){.colmap = colmap, .name = name, .label = label};
     const char *const ask[] = {"colmap", name, "-h", NULL};
     TSUYA_TRY(tsuya_process_capture(help, NULL, ask, ENVIRONMENT));
     c->help = *help;
-    add(c, "colmap");
-    add(c, name);
-    set_if_known(c, "--random_seed", "1");
+    start(c);
     return TSUYA_OK;
 }
 
@@ -92,6 +100,10 @@ static void follow(void *user, const char *line)
     if (strncmp(line, "SQLite error", 12) == 0) {
         const char *said = strrchr(line, ':');
         snprintf(c->trouble, sizeof c->trouble, "%.200s", said && said[1] ? said + 2 : line);
+        return;
+    }
+    if (c->sink) {
+        c->sink(c->sink_user, line);
         return;
     }
     if (strncmp(line, "Registering image #", 19) == 0 && sscanf(line + 19, "%d (%d)", &id, &done) == 2) {
@@ -107,10 +119,11 @@ static void follow(void *user, const char *line)
 
 static tsuya_status finish(command *c)
 {
-    char log[ARGUMENT_SIZE];
+    char log[ARGUMENT_SIZE], part[16];
     snprintf(log, sizeof log, "%s/log", c->colmap->folder);
     TSUYA_TRY(tsuya_folder_make(log));
-    snprintf(log, sizeof log, "%s/log/%s.txt", c->colmap->folder, c->name);
+    snprintf(part, sizeof part, "-%d", c->part);
+    snprintf(log, sizeof log, "%s/log/%s%s.txt", c->colmap->folder, c->name, c->part ? part : "");
     if (c->missing) {
         return tsuya_fail(TSUYA_ERROR_UNAVAILABLE, "colmap %s: %s has no option %s; COLMAP 3.8 is known to work", c->name, c->colmap->version, c->missing);
     }
@@ -211,22 +224,66 @@ done:
     return status;
 }
 
-tsuya_status tsuya_colmap_verify(tsuya_colmap *colmap, const char *match_list)
+/* Pairs seen by all parts together. */
+typedef struct verification {
+    tsuya_colmap *colmap;
+    const char *help;
+    int seen, pairs;
+} verification;
+
+/* "first.jpg - second.jpg" */
+static void follow_pair(void *user, const char *line)
 {
-    char *help = NULL;
+    verification *v = user;
+    int seen;
+    if (strstr(line, " - ")) {
+#pragma omp atomic capture
+        seen = ++v->seen;
+        tsuya_progress_update(v->colmap->context, "verification", seen, v->pairs, NULL);
+    }
+}
+
+static tsuya_status verify_part(verification *v, int part)
+{
+    char path[64];
+    tsuya_colmap own = *v->colmap;
     command *c = tsuya_calloc(1, sizeof *c);
-    tsuya_status status = c ? begin(c, colmap, "matches_importer", "verification", &help) : TSUYA_ERROR_MEMORY;
-    if (status == TSUYA_OK) {
-        set_path(c, "--database_path", "database.db");
-        set(c, "--match_list_path", match_list);
-        set(c, "--match_type", "raw");
-        set(c, "--SiftMatching.use_gpu", "0");
-        set_if_known(c, "--SiftMatching.num_threads", "1");
-        status = finish(c);
+    if (!c) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    *c = (command){.colmap = &own, .name = "matches_importer", .help = v->help, .part = part + 1, .sink = follow_pair, .sink_user = v};
+    start(c);
+    snprintf(path, sizeof path, "verify/%d.db", part);
+    set_path(c, "--database_path", path);
+    snprintf(path, sizeof path, "verify/%d.txt", part);
+    set_path(c, "--match_list_path", path);
+    set(c, "--match_type", "raw");
+    set(c, "--SiftMatching.use_gpu", "0");
+    set_if_known(c, "--SiftMatching.num_threads", "1");
+    tsuya_status status = finish(c);
+    tsuya_free(c);
+#pragma omp critical(tsuya_colmap_peak)
+    v->colmap->peak_mb = own.peak_mb > v->colmap->peak_mb ? own.peak_mb : v->colmap->peak_mb;
+    return status;
+}
+
+tsuya_status tsuya_colmap_verify(tsuya_colmap *colmap, int parts, int pairs)
+{
+    const char *const ask[] = {"colmap", "matches_importer", "-h", NULL};
+    char *help;
+    tsuya_failure failure = {0};
+    TSUYA_TRY(tsuya_process_capture(&help, NULL, ask, ENVIRONMENT));
+    verification v = {.colmap = colmap, .help = help, .pairs = pairs};
+#pragma omp parallel for schedule(dynamic, 1) num_threads(colmap->context->threads)
+    for (int i = 0; i < parts; i++) {
+        tsuya_status status = verify_part(&v, i);
+        if (status != TSUYA_OK) {
+#pragma omp critical(tsuya_colmap_verify)
+            tsuya_failure_keep(&failure, (size_t)i, status);
+        }
     }
     tsuya_free(help);
-    tsuya_free(c);
-    return status;
+    return tsuya_failure_raise(&failure);
 }
 
 static void fix_intrinsics(command *c)

@@ -23,8 +23,9 @@ TSUYA_MUST_CHECK tsuya_status tsuya_colmap_create(tsuya_colmap *colmap, const ch
  * `camera`: intrinsics that are known, or NULL (focal length from EXIF, `lens` refined later).  `most`: features of a photograph, the
  * largest first; levels of scale are kept whole. */
 TSUYA_MUST_CHECK tsuya_status tsuya_colmap_features(tsuya_colmap *colmap, const char *masks, const tsuya_camera *camera, tsuya_lens lens, int most);
-/* Verifies a list of raw matches (two names, pairs of indices, an empty line); what is in the database stays. */
-TSUYA_MUST_CHECK tsuya_status tsuya_colmap_verify(tsuya_colmap *colmap, const char *match_list);
+/* Verifies lists of raw matches (two names, pairs of indices, an empty line), several at once: FOLDER/verify/N.txt within
+ * FOLDER/verify/N.db for N from 0 to parts − 1, `pairs` in all. */
+TSUYA_MUST_CHECK tsuya_status tsuya_colmap_verify(tsuya_colmap *colmap, int parts, int pairs);
 /* Incremental mapping into FOLDER/OUTPUT/0, 1, …  */
 TSUYA_MUST_CHECK tsuya_status tsuya_colmap_map(tsuya_colmap *colmap, const char *output, bool fixed_intrinsics);
 typedef enum tsuya_adjust_what {

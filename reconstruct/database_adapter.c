@@ -147,6 +147,61 @@ tsuya_status tsuya_database_clear_matches(const char *path)
     return TSUYA_OK;
 }
 
+/* Another database becomes `other` within `base`. */
+static tsuya_status attach(sqlite3 *base, const char *path, const char *other_path)
+{
+    char *sql = sqlite3_mprintf("ATTACH DATABASE %Q AS other", other_path);
+    int result = sql ? sqlite3_exec(base, sql, NULL, NULL, NULL) : SQLITE_NOMEM;
+    sqlite3_free(sql);
+    return result == SQLITE_OK ? TSUYA_OK : fail_sqlite(base, path);
+}
+
+/* The statement of a table's or an index's making, run in the database at hand. */
+static int make_alike(void *base, int columns, char **value, char **name)
+{
+    (void)columns;
+    (void)name;
+    return sqlite3_exec(base, value[0], NULL, NULL, NULL) != SQLITE_OK;
+}
+
+tsuya_status tsuya_database_branch(const char *path, const char *base_path)
+{
+    static const char *const SCHEMA =
+        "SELECT sql FROM other.sqlite_master WHERE sql IS NOT NULL AND name NOT LIKE 'sqlite_%' ORDER BY type = 'index'";
+    static const char *const COPY =
+        "INSERT INTO cameras SELECT * FROM other.cameras; INSERT INTO images SELECT * FROM other.images;"
+        "INSERT INTO keypoints SELECT * FROM other.keypoints; COMMIT;";
+    char sql[64];
+    sqlite3 *base;
+    sqlite3_stmt *query = NULL;
+    TSUYA_TRY(open_base(&base, path, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE));
+    TSUYA_TRY(attach(base, path, base_path));
+    bool fine = sqlite3_prepare_v2(base, "PRAGMA other.user_version", -1, &query, NULL) == SQLITE_OK && sqlite3_step(query) == SQLITE_ROW;
+    snprintf(sql, sizeof sql, "PRAGMA user_version = %d; BEGIN", fine ? sqlite3_column_int(query, 0) : 0);
+    sqlite3_finalize(query);
+    if (!fine || sqlite3_exec(base, sql, NULL, NULL, NULL) != SQLITE_OK || sqlite3_exec(base, SCHEMA, make_alike, base, NULL) != SQLITE_OK ||
+        sqlite3_exec(base, COPY, NULL, NULL, NULL) != SQLITE_OK) {
+        return fail_sqlite(base, path);
+    }
+    sqlite3_close(base);
+    return TSUYA_OK;
+}
+
+tsuya_status tsuya_database_merge(const char *base_path, const char *branch)
+{
+    static const char *const COPY =
+        "BEGIN; INSERT OR REPLACE INTO matches SELECT * FROM other.matches;"
+        "INSERT OR REPLACE INTO two_view_geometries SELECT * FROM other.two_view_geometries; COMMIT;";
+    sqlite3 *base;
+    TSUYA_TRY(open_base(&base, base_path, SQLITE_OPEN_READWRITE));
+    TSUYA_TRY(attach(base, base_path, branch));
+    if (sqlite3_exec(base, COPY, NULL, NULL, NULL) != SQLITE_OK) {
+        return fail_sqlite(base, base_path);
+    }
+    sqlite3_close(base);
+    return TSUYA_OK;
+}
+
 tsuya_status tsuya_database_sort_images(const char *path)
 {
     static const char *const SQL =

@@ -55,6 +55,7 @@ typedef struct tsuya_two_view {
     double fundamental[9], essential[9], homography[9]; /* row by row, b from a */
     tsuya_match *match; /* the caller's when saved; not read back */
     int match_count;
+    double chance; /* that one wrong match fits the pair's geometry; not stored */
 } tsuya_two_view;
 
 /* Images, their numbers of features, and the verified pairs. */
@@ -62,6 +63,10 @@ TSUYA_MUST_CHECK tsuya_status tsuya_database_load(tsuya_database *database, cons
 void tsuya_database_free(tsuya_database *database);
 /* Forgets every match, so that matching starts afresh. */
 TSUYA_MUST_CHECK tsuya_status tsuya_database_clear_matches(const char *path);
+/* A new database with the cameras, images and positions of features of another, without descriptors and matches. */
+TSUYA_MUST_CHECK tsuya_status tsuya_database_branch(const char *path, const char *base);
+/* The branch's matches and geometries come into the base, over those of the same pairs. */
+TSUYA_MUST_CHECK tsuya_status tsuya_database_merge(const char *base, const char *branch);
 /* Numbers the images in the order of their names: COLMAP numbers them in the order in which its threads end. */
 TSUYA_MUST_CHECK tsuya_status tsuya_database_sort_images(const char *path);
 TSUYA_MUST_CHECK tsuya_status tsuya_sift_load(tsuya_sift *features, const char *path, uint32_t image_id);

@@ -4,6 +4,7 @@
 #include "reconstruct/digest.h"
 #include "reconstruct/matching.h"
 #include "reconstruct/pairs.h"
+#include "reconstruct/verify.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -19,13 +20,13 @@ static const double MOST_OFF_PX = 4.0; /* from the epipolar line, as COLMAP's ow
 
 typedef struct matcher {
     tsuya_reconstruction *r;
-    const char *base, *list;
+    const char *base;
     const tsuya_pairs *pairs;
     uint8_t *done; /* photo_count × photo_count: matched by an earlier round */
     const tsuya_database *database;
     tsuya_sparse_model posed; /* of given poses; no views where there are none */
     tsuya_two_view *found;
-    int found_count, pair_count, seen;
+    int found_count, pair_count, seen, by_chance;
 } matcher;
 
 static const tsuya_database_image *image_of(const matcher *o, int photo)
@@ -93,6 +94,7 @@ static tsuya_two_view *next_found(matcher *o, uint32_t image_a, uint32_t image_b
 static tsuya_status match_freely(matcher *o, const tsuya_sift *a, const tsuya_sift *b, uint32_t image_a, uint32_t image_b)
 {
     tsuya_two_view *pair = next_found(o, image_a, image_b);
+    pair->chance = fmax(tsuya_verify_chance(a, MOST_OFF_PX), tsuya_verify_chance(b, MOST_OFF_PX));
     return tsuya_match_features(&pair->match, &pair->match_count, a, b, NULL, o->r->context->threads);
 }
 
@@ -166,28 +168,6 @@ static void drop_found(matcher *o, int least)
     o->found_count = kept;
 }
 
-/* COLMAP's list of raw matches: two names, then a pair of indices a line, then an empty line. */
-static tsuya_status save_list(const matcher *o)
-{
-    tsuya_file_writer writer;
-    TSUYA_TRY(tsuya_file_begin(&writer, o->list));
-    for (int i = 0; i < o->found_count; i++) {
-        const tsuya_two_view *pair = &o->found[i];
-        const char *name_a = "", *name_b = "";
-        for (int k = 0; k < o->database->image_count; k++) {
-            const tsuya_database_image *image = &o->database->image[k];
-            name_a = image->image_id == pair->image_a ? image->name : name_a;
-            name_b = image->image_id == pair->image_b ? image->name : name_b;
-        }
-        fprintf(writer.stream, "%s %s\n", name_a, name_b);
-        for (int m = 0; m < pair->match_count; m++) {
-            fprintf(writer.stream, "%u %u\n", pair->match[m].a, pair->match[m].b);
-        }
-        fputc('\n', writer.stream);
-    }
-    return tsuya_file_commit(&writer);
-}
-
 static double mean_features(const tsuya_database *database)
 {
     double sum = 0.0;
@@ -202,6 +182,7 @@ static tsuya_status match_round(matcher *o)
 {
     const int n = o->pairs->photo_count;
     tsuya_status status;
+    int dropped;
     o->pair_count = 0;
     for (int i = 0; i < n; i++) {
         for (int j = i + 1; j < n; j++) {
@@ -218,8 +199,8 @@ static tsuya_status match_round(matcher *o)
     } else {
         TSUYA_GOTO_DONE(status, each_pair(o, "matching", match_freely));
         drop_found(o, LEAST_MATCHES);
-        TSUYA_GOTO_DONE(status, save_list(o));
-        TSUYA_GOTO_DONE(status, tsuya_colmap_verify(&o->r->colmap, o->list));
+        TSUYA_GOTO_DONE(status, tsuya_verify(&o->r->colmap, &dropped, o->database, o->found, o->found_count));
+        o->by_chance += dropped;
         drop_found(o, INT32_MAX);
         if (mean_features(o->database) <= GUIDED_FEATURES_MOST) {
             TSUYA_GOTO_DONE(status, each_pair(o, "matching along lines", match_guided));
@@ -242,8 +223,7 @@ static tsuya_status match_all(tsuya_reconstruction *r, tsuya_json *figures)
     tsuya_pairs_options options = tsuya_pairs_options_default();
     tsuya_pairs pairs = {0};
     tsuya_database database = {0};
-    matcher o = {.r = r, .base = tsuya_reconstruction_path(r, "database.db"), .list = tsuya_reconstruction_path(r, "matches.txt"),
-               .pairs = &pairs, .database = &database};
+    matcher o = {.r = r, .base = tsuya_reconstruction_path(r, "database.db"), .pairs = &pairs, .database = &database};
     int added = 0, details = 0;
     tsuya_status status;
     if (r->options->poses) {
@@ -266,6 +246,7 @@ static tsuya_status match_all(tsuya_reconstruction *r, tsuya_json *figures)
     tsuya_json_set_number(figures, "pairs_matched", pairs.count);
     tsuya_json_set_number(figures, "pairs_possible", pairs.possible);
     tsuya_json_set_number(figures, "pairs_verified", database.pair_count);
+    tsuya_json_set_number(figures, "pairs_of_chance", o.by_chance);
     tsuya_json_set_number(figures, "pairs_added_by_view_graph", added);
     tsuya_json_set_number(figures, "pairs_added_by_details", details);
     status = tsuya_pairs_save(&pairs, &r->photos, tsuya_reconstruction_path(r, "pairs.txt"));
@@ -280,7 +261,7 @@ done:
 tsuya_status tsuya_match_step(tsuya_reconstruction *r)
 {
     tsuya_reconstruct_info *info = r->info;
-    if (!tsuya_step_begin(&r->steps, "matching", "details", tsuya_reconstruction_path(r, "pairs.txt"))) {
+    if (!tsuya_step_begin(&r->steps, "matching", "chance", tsuya_reconstruction_path(r, "pairs.txt"))) {
         tsuya_json *figures = tsuya_json_create_object();
         tsuya_status status = match_all(r, figures);
         status = status == TSUYA_OK ? tsuya_reconstruction_end_step(r, figures) : status;
