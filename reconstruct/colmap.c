@@ -309,6 +309,7 @@ tsuya_status tsuya_colmap_map(tsuya_colmap *colmap, const char *output, bool fix
     set(c, "--output_path", path);
     set_if_known(c, "--Mapper.num_threads", "1"); /* its sums depend on the number of threads, and from run to run on their order */
     set_if_known(c, "--Mapper.min_model_size", "3");
+    set_if_known(c, "--Mapper.abs_pose_min_num_inliers", "15"); /* not 30: pairs that chance explains are out already */
     if (fixed_intrinsics) {
         fix_intrinsics(c);
     }

@@ -5,27 +5,28 @@
 
 #include <math.h>
 #include <string.h>
+#ifdef __x86_64__
+#include <immintrin.h>
+#endif
 
 enum {
     LENGTH = TSUYA_DESCRIPTOR_LENGTH,
+    PAIRS = LENGTH / 2, /* of a descriptor's numbers, multiplied and added by one instruction */
     ROWS = 6,    /* of a, at once in registers */
     LANES = 16,  /* columns (features of b) at once in registers */
-    VECTOR = 8,
     CHUNK = 512, /* columns at once in the cache */
 };
 static const double MOST_ANGLE_RAD = 0.7, MOST_RATIO = 0.8;
 /* Descriptors have this length squared, up to rounding. */
 static const double LENGTH_SQUARED = 512.0 * 512.0;
 
-typedef float vector __attribute__((vector_size(4 * VECTOR), aligned(4)));
-
 /* The two greatest products seen, and whose the greatest is. */
 typedef struct nearest {
-    float best, second;
+    int32_t best, second;
     int index;
 } nearest;
 
-static void nearest_see(nearest *n, float product, int index)
+static void nearest_see(nearest *n, int32_t product, int index)
 {
     if (product > n->best) {
         *n = (nearest){product, n->best, index};
@@ -37,7 +38,7 @@ static void nearest_see(nearest *n, float product, int index)
 static void nearest_join(nearest *n, const nearest *later)
 {
     if (later->index >= 0) {
-        float second = later->second;
+        int32_t second = later->second;
         nearest_see(n, later->best, later->index);
         n->second = second > n->second ? second : n->second;
     }
@@ -48,43 +49,107 @@ static bool is_distinct(const nearest *n)
     if (n->index < 0) {
         return false;
     }
-    double best = acos(fmin(n->best / LENGTH_SQUARED, 1.0)), second = acos(fmin(fmax(n->second, 0.0) / LENGTH_SQUARED, 1.0));
+    double best = acos(fmin((double)n->best / LENGTH_SQUARED, 1.0)), second = acos(fmin(fmax((double)n->second, 0.0) / LENGTH_SQUARED, 1.0));
     return best <= MOST_ANGLE_RAD && best < MOST_RATIO * second;
 }
+
+/* out[row][CHUNK] = Σ row column.  `row`: [PAIRS][ROWS], two numbers of a descriptor each. */
+typedef void products(int32_t *restrict out, const int32_t *restrict row, const int16_t *restrict column);
 
 /* What both sides need, laid out for the products. */
 typedef struct comparison {
     const tsuya_sift *a, *b;
     const tsuya_guide *guide;
-    float *column; /* [chunks of LANES features of b][LENGTH][LANES], filled up with zeros */
+    int16_t *column; /* [chunks of LANES features of b][PAIRS][LANES][2], filled up with zeros */
     float *line;   /* Mᵀ x_b of the epipolar guide: [2][columns] */
     float *x, *y;  /* positions in b, not a number beyond its features */
     int columns;   /* a multiple of CHUNK */
+    products *products;
 } comparison;
 
-/* Whole numbers below 2^24: exact in any order, with or without fused multiplication. */
-TSUYA_CLONES("arch=x86-64-v3", "default") static void
-products(float *restrict out, const float *restrict row, const float *restrict column)
+static void products_portable(int32_t *restrict out, const int32_t *restrict row, const int16_t *restrict column)
 {
     for (int j = 0; j < CHUNK; j += LANES) {
-        vector low[ROWS] = {0}, high[ROWS] = {0};
-        for (int k = 0; k < LENGTH; k++) {
-            const float *c = &column[j * LENGTH + k * LANES];
-            vector c_low = *(const vector *)c, c_high = *(const vector *)(c + VECTOR);
+        int32_t sum[ROWS][LANES] = {{0}};
+        for (int k = 0; k < PAIRS; k++) {
+            const int16_t *c = &column[(j * PAIRS + k * LANES) * 2];
             for (int i = 0; i < ROWS; i++) {
-                low[i] += c_low * row[k * ROWS + i];
-                high[i] += c_high * row[k * ROWS + i];
+                int32_t low = row[k * ROWS + i] & 0xffff, high = row[k * ROWS + i] >> 16;
+                for (int l = 0; l < LANES; l++) {
+                    sum[i][l] += c[2 * l] * low + c[2 * l + 1] * high;
+                }
             }
         }
         for (int i = 0; i < ROWS; i++) {
-            *(vector *)&out[i * CHUNK + j] = low[i];
-            *(vector *)&out[i * CHUNK + j + VECTOR] = high[i];
+            memcpy(&out[i * CHUNK + j], sum[i], sizeof sum[i]);
         }
     }
 }
 
+#ifdef __x86_64__
+__attribute__((target("avx2"))) static void products_avx2(int32_t *restrict out, const int32_t *restrict row, const int16_t *restrict column)
+{
+    for (int j = 0; j < CHUNK; j += LANES) {
+        __m256i low[ROWS], high[ROWS];
+        for (int i = 0; i < ROWS; i++) {
+            low[i] = high[i] = _mm256_setzero_si256();
+        }
+        for (int k = 0; k < PAIRS; k++) {
+            const __m256i *c = (const __m256i *)(const void *)&column[(j * PAIRS + k * LANES) * 2];
+            __m256i c_low = _mm256_loadu_si256(c), c_high = _mm256_loadu_si256(c + 1);
+            for (int i = 0; i < ROWS; i++) {
+                __m256i r = _mm256_set1_epi32(row[k * ROWS + i]);
+                low[i] = _mm256_add_epi32(low[i], _mm256_madd_epi16(c_low, r));
+                high[i] = _mm256_add_epi32(high[i], _mm256_madd_epi16(c_high, r));
+            }
+        }
+        for (int i = 0; i < ROWS; i++) {
+            _mm256_storeu_si256((__m256i *)(void *)&out[i * CHUNK + j], low[i]);
+            _mm256_storeu_si256((__m256i *)(void *)&out[i * CHUNK + j + LANES / 2], high[i]);
+        }
+    }
+}
+
+__attribute__((target("avx512f,avx512vnni"))) static void
+products_avx512(int32_t *restrict out, const int32_t *restrict row, const int16_t *restrict column)
+{
+    for (int j = 0; j < CHUNK; j += 2 * LANES) {
+        __m512i low[ROWS], high[ROWS];
+        for (int i = 0; i < ROWS; i++) {
+            low[i] = high[i] = _mm512_setzero_si512();
+        }
+        for (int k = 0; k < PAIRS; k++) {
+            __m512i c_low = _mm512_loadu_si512(&column[(j * PAIRS + k * LANES) * 2]);
+            __m512i c_high = _mm512_loadu_si512(&column[((j + LANES) * PAIRS + k * LANES) * 2]);
+            for (int i = 0; i < ROWS; i++) {
+                __m512i r = _mm512_set1_epi32(row[k * ROWS + i]);
+                low[i] = _mm512_dpwssd_epi32(low[i], c_low, r);
+                high[i] = _mm512_dpwssd_epi32(high[i], c_high, r);
+            }
+        }
+        for (int i = 0; i < ROWS; i++) {
+            _mm512_storeu_si512(&out[i * CHUNK + j], low[i]);
+            _mm512_storeu_si512(&out[i * CHUNK + j + LANES], high[i]);
+        }
+    }
+}
+#endif
+
+static products *fastest_products(void)
+{
+#ifdef __x86_64__
+    if (__builtin_cpu_supports("avx512vnni")) {
+        return products_avx512;
+    }
+    if (__builtin_cpu_supports("avx2")) {
+        return products_avx2;
+    }
+#endif
+    return products_portable;
+}
+
 /* Products of matches the guide forbids become −1. */
-static void forbid(float *product, const comparison *job, int row, int first)
+static void forbid(int32_t *product, const comparison *job, int row, int first)
 {
     const double *m = job->guide->matrix;
     float ax = job->a->position[row].x, ay = job->a->position[row].y;
@@ -97,49 +162,67 @@ static void forbid(float *product, const comparison *job, int row, int first)
     if (job->guide->kind == TSUYA_GUIDE_EPIPOLAR) {
         for (int j = 0; j < CHUNK; j++) {
             float off = l[0] * x[j] + l[1] * y[j] + l[2];
-            product[j] = off * off <= most * (own + lx[j] * lx[j] + ly[j] * ly[j]) ? product[j] : -1.0F;
+            product[j] = off * off <= most * (own + lx[j] * lx[j] + ly[j] * ly[j]) ? product[j] : -1;
         }
     } else {
         for (int j = 0; j < CHUNK; j++) {
             float dx = l[0] / l[2] - x[j], dy = l[1] / l[2] - y[j];
-            product[j] = dx * dx + dy * dy <= most ? product[j] : -1.0F;
+            product[j] = dx * dx + dy * dy <= most ? product[j] : -1;
         }
     }
 }
 
-/* Rows [row, row + ROWS) of a against one chunk of b. */
-static void compare_chunk(nearest *in_a, nearest *in_b, const float *packed, const comparison *job, int row, int chunk, int last_row)
+/* Whether any of LANES products is among the greatest two of its row or its column. */
+TSUYA_CLONES("arch=x86-64-v3", "default") static bool any_counts(const int32_t *restrict product, const int32_t *restrict second_b, int32_t second_a)
 {
-    float product[ROWS * CHUNK];
+    int32_t any = 0;
+    for (int l = 0; l < LANES; l++) {
+        any |= (product[l] > second_a) | (product[l] > second_b[l]);
+    }
+    return any;
+}
+
+/* Rows [row, row + ROWS) of a against one chunk of b.  `second`: in_b's, so that most products cost one comparison of many. */
+static void compare_chunk(nearest *in_a, nearest *in_b, int32_t *second, const int32_t *packed, const comparison *job, int row, int chunk, int last_row)
+{
+    int32_t product[ROWS * CHUNK];
     int end = job->b->count - chunk < CHUNK ? job->b->count - chunk : CHUNK;
-    products(product, packed, job->column + (size_t)chunk * LENGTH);
+    job->products(product, packed, job->column + (size_t)chunk * LENGTH);
     for (int i = 0; i < ROWS && row + i < last_row; i++) {
-        float *p = product + i * CHUNK;
+        int32_t *p = product + i * CHUNK;
+        nearest *own = &in_a[row + i];
         if (job->guide) {
             forbid(p, job, row + i, chunk);
         }
-        for (int j = 0; j < end; j++) {
-            if (p[j] > in_a[row + i].second) {
-                nearest_see(&in_a[row + i], p[j], chunk + j);
+        for (int from = 0; from < end; from += LANES) {
+            if (!any_counts(p + from, second + chunk + from, own->second)) {
+                continue;
             }
-            if (p[j] > in_b[chunk + j].second) {
-                nearest_see(&in_b[chunk + j], p[j], row + i);
+            for (int j = from; j < from + LANES && j < end; j++) {
+                if (p[j] > own->second) {
+                    nearest_see(own, p[j], chunk + j);
+                }
+                if (p[j] > second[chunk + j]) {
+                    nearest_see(&in_b[chunk + j], p[j], row + i);
+                    second[chunk + j] = in_b[chunk + j].second;
+                }
             }
         }
     }
 }
 
-static void compare_rows(nearest *in_a, nearest *in_b, const comparison *job, int first, int last)
+static void compare_rows(nearest *in_a, nearest *in_b, int32_t *second, const comparison *job, int first, int last)
 {
     for (int chunk = 0; chunk < job->columns; chunk += CHUNK) {
         for (int row = first; row < last; row += ROWS) {
-            float packed[ROWS * LENGTH] = {0};
+            int32_t packed[ROWS * PAIRS] = {0};
             for (int i = 0; i < ROWS && row + i < last; i++) {
-                for (int k = 0; k < LENGTH; k++) {
-                    packed[k * ROWS + i] = job->a->descriptor[(size_t)(row + i) * LENGTH + (size_t)k];
+                const uint8_t *d = &job->a->descriptor[(size_t)(row + i) * LENGTH];
+                for (int k = 0; k < PAIRS; k++) {
+                    packed[k * ROWS + i] = d[2 * k] | d[2 * k + 1] << 16;
                 }
             }
-            compare_chunk(in_a, in_b, packed, job, row, chunk, last);
+            compare_chunk(in_a, in_b, second, packed, job, row, chunk, last);
         }
     }
 }
@@ -147,7 +230,7 @@ static void compare_rows(nearest *in_a, nearest *in_b, const comparison *job, in
 static tsuya_status job_create(comparison *job, const tsuya_sift *a, const tsuya_sift *b, const tsuya_guide *guide)
 {
     int columns = (b->count + CHUNK - 1) / CHUNK * CHUNK;
-    *job = (comparison){.a = a, .b = b, .guide = guide && guide->kind != TSUYA_GUIDE_NONE ? guide : NULL, .columns = columns};
+    *job = (comparison){.a = a, .b = b, .guide = guide && guide->kind != TSUYA_GUIDE_NONE ? guide : NULL, .columns = columns, .products = fastest_products()};
     job->column = tsuya_calloc((size_t)columns * LENGTH, sizeof *job->column);
     job->x = tsuya_calloc((size_t)columns * 4, sizeof *job->x);
     if (!job->column || !job->x) {
@@ -160,7 +243,7 @@ static tsuya_status job_create(comparison *job, const tsuya_sift *a, const tsuya
         job->x[j] = real ? b->position[j].x : NAN;
         job->y[j] = real ? b->position[j].y : NAN;
         for (int k = 0; real && k < LENGTH; k++) {
-            job->column[(size_t)(j / LANES * LANES) * LENGTH + (size_t)(k * LANES + j % LANES)] = b->descriptor[(size_t)j * LENGTH + (size_t)k];
+            job->column[(size_t)(j / LANES * LANES) * LENGTH + (size_t)((k / 2 * LANES + j % LANES) * 2 + k % 2)] = b->descriptor[(size_t)j * LENGTH + (size_t)k];
         }
         for (int i = 0; job->guide && i < 2; i++) {
             const double *m = guide->matrix;
@@ -179,7 +262,7 @@ static void job_free(comparison *job)
 static void clear(nearest *n, size_t count)
 {
     for (size_t i = 0; i < count; i++) {
-        n[i] = (nearest){-1.0F, -1.0F, -1};
+        n[i] = (nearest){-1, -1, -1};
     }
 }
 
@@ -194,16 +277,21 @@ tsuya_status tsuya_match_features(tsuya_match **match, int *count, const tsuya_s
     comparison job;
     nearest *in_a = tsuya_calloc((size_t)a->count, sizeof *in_a);
     nearest *in_b = tsuya_calloc((size_t)b->count * (size_t)threads, sizeof *in_b);
+    const size_t columns = (size_t)(b->count + CHUNK - 1) / CHUNK * CHUNK;
+    int32_t *second = tsuya_calloc(columns * (size_t)threads, sizeof *second);
     *match = tsuya_calloc((size_t)a->count, sizeof **match);
     tsuya_status status = job_create(&job, a, b, guide);
-    status = in_a && in_b && *match ? status : TSUYA_ERROR_MEMORY;
+    status = in_a && in_b && second && *match ? status : TSUYA_ERROR_MEMORY;
     if (status == TSUYA_OK) {
         clear(in_a, (size_t)a->count);
         clear(in_b, (size_t)b->count * (size_t)threads);
 #pragma omp parallel for schedule(static, 1) num_threads(threads)
         for (int t = 0; t < threads; t++) {
             int first = (int)((int64_t)a->count * t / threads), last = (int)((int64_t)a->count * (t + 1) / threads);
-            compare_rows(in_a, in_b + (size_t)t * (size_t)b->count, &job, first, last);
+            for (size_t j = 0; j < columns; j++) {
+                second[(size_t)t * columns + j] = -1;
+            }
+            compare_rows(in_a, in_b + (size_t)t * (size_t)b->count, second + (size_t)t * columns, &job, first, last);
         }
         for (int t = 1; t < threads; t++) {
             for (int j = 0; j < b->count; j++) {
@@ -222,6 +310,7 @@ tsuya_status tsuya_match_features(tsuya_match **match, int *count, const tsuya_s
     job_free(&job);
     tsuya_free(in_a);
     tsuya_free(in_b);
+    tsuya_free(second);
     return status;
 }
 

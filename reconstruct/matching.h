@@ -1,8 +1,8 @@
 /* Which features of two photographs show the same point: exhaustive, exact search among their descriptors, the ratio test
  * of Lowe (IJCV 2004) both ways, and, where the pair's geometry is known, only along the epipolar lines.
  *
- * Descriptors are whole numbers, so that their products are exact in float: the result is the same for any instruction set
- * and any number of threads. */
+ * Descriptors are whole numbers and so are their products: the result is the same for any instruction set and any number of
+ * threads. */
 #ifndef TSUYA_RECONSTRUCT_MATCHING_H
 #define TSUYA_RECONSTRUCT_MATCHING_H
 
