@@ -162,6 +162,8 @@ static const char *make_database(const char *name)
                   "CREATE TABLE keypoints (image_id INTEGER PRIMARY KEY, rows INTEGER, cols INTEGER, data BLOB);"
                   "CREATE TABLE descriptors (image_id INTEGER PRIMARY KEY, rows INTEGER, cols INTEGER, data BLOB);"
                   "CREATE TABLE two_view_geometries (pair_id INTEGER PRIMARY KEY, rows INTEGER, cols INTEGER, data BLOB, config INTEGER, F BLOB, E BLOB, H BLOB);"
+                  "CREATE TABLE cameras (camera_id INTEGER PRIMARY KEY, model INTEGER);"
+                  "CREATE TABLE matches (pair_id INTEGER PRIMARY KEY, rows INTEGER, cols INTEGER, data BLOB);"
                   "INSERT INTO images VALUES (1, 'c.jpg', 1), (2, 'a.jpg', 1), (3, 'b.jpg', 1);"
                   "INSERT INTO keypoints VALUES (1, 1, 2, x'0000803f00000040'), (2, 0, 2, x''), (3, 0, 2, x'');"
                   "INSERT INTO descriptors VALUES (1, 1, 128, zeroblob(128)), (2, 0, 128, x''), (3, 0, 128, x'');");
@@ -238,12 +240,37 @@ static void test_lens_that_does_not_reach_its_corners(void **state)
     assert_true(scale * corner <= fold && (scale + 0.03) * corner > fold);
 }
 
+static void test_branch_and_merge(void **state)
+{
+    (void)state;
+    const char *path = make_database("base.db");
+    char branch[256];
+    snprintf(branch, sizeof branch, "%s.branch", path);
+    tsuya_match match[] = {{0, 0}};
+    tsuya_two_view saved = {.image_a = 1, .image_b = 3, .kind = TSUYA_TWO_VIEW_CALIBRATED, .match = match, .match_count = 1}, read;
+    tsuya_database database;
+    assert_ok(tsuya_database_branch(branch, path));
+    assert_ok(tsuya_two_views_save(branch, &saved, 1));
+    assert_ok(tsuya_two_view_load(&read, path, 1, 3));
+    assert_int_equal(read.kind, 0); /* not yet in the base */
+    assert_ok(tsuya_database_merge(path, branch));
+    assert_ok(tsuya_two_view_load(&read, path, 1, 3));
+    assert_int_equal(read.kind, TSUYA_TWO_VIEW_CALIBRATED);
+    assert_int_equal(read.match_count, 1);
+    assert_ok(tsuya_database_load(&database, branch));
+    assert_int_equal(database.image_count, 3);
+    tsuya_database_free(&database);
+    assert_int_equal(tsuya_database_branch(branch, path), TSUYA_ERROR_INPUT); /* there already */
+    assert_int_equal(tsuya_database_merge(path, "no/such.db"), TSUYA_ERROR_INPUT);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_same_as_the_plain_loop),      cmocka_unit_test(test_epipolar_lines_lead),
         cmocka_unit_test(test_images_are_numbered_by_name), cmocka_unit_test(test_damaged_features_are_refused),
-        cmocka_unit_test(test_two_views_come_back), cmocka_unit_test(test_lens_that_does_not_reach_its_corners),
+        cmocka_unit_test(test_two_views_come_back), cmocka_unit_test(test_branch_and_merge),
+        cmocka_unit_test(test_lens_that_does_not_reach_its_corners),
     };
     return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
 }
