@@ -53,7 +53,7 @@ typedef struct matcher {
     int fewest;
 } matcher;
 
-static tsuya_status match_pair(const matcher *m, int i, int j)
+static tsuya_status match_pair(const matcher *m, int i, int j, int threads)
 {
     relation *r = &m->relations[i * m->check->count + j], *back = &m->relations[j * m->check->count + i];
     const tsuya_check_sight *a = &m->sight[i], *b = &m->sight[j];
@@ -61,7 +61,7 @@ static tsuya_status match_pair(const matcher *m, int i, int j)
     if (!a->features || !b->features || r->known) {
         return TSUYA_OK;
     }
-    TSUYA_TRY(tsuya_features_match(m->pair, &r->shared, a->features, b->features, TOLERANCE_SHARE * a->work_long_side_px));
+    TSUYA_TRY(tsuya_features_match(m->pair, &r->shared, a->features, b->features, TOLERANCE_SHARE * a->work_long_side_px, threads));
     relate(r, a, b, m->pair, m->list);
     if (r->shared >= m->fewest) {
         tsuya_features_view from = {a->features, a->focal_px, a->middle}, to = {b->features, b->focal_px, b->middle};
@@ -95,7 +95,7 @@ static tsuya_status match_all(const matcher *m, const tsuya_context *context)
         TSUYA_TRY(tsuya_check_interrupt());
         for (int j = i + 1; j < count; j++) {
             if (is_close(i, j, count)) {
-                TSUYA_TRY(match_pair(m, i, j));
+                TSUYA_TRY(match_pair(m, i, j, context->threads));
             }
         }
     }
@@ -103,7 +103,7 @@ static tsuya_status match_all(const matcher *m, const tsuya_context *context)
         bool lonely = is_lonely(m, i);
         for (int j = 0; lonely && j < count; j++) {
             if (j != i && !is_close(i, j, count)) {
-                TSUYA_TRY(match_pair(m, i < j ? i : j, i < j ? j : i));
+                TSUYA_TRY(match_pair(m, i < j ? i : j, i < j ? j : i, context->threads));
             }
         }
     }

@@ -1,6 +1,9 @@
 /* OpenCV behind capture/opencv_adapter.h.  No exception leaves this file. */
 #include "capture/opencv_adapter.h"
 
+#include "core/matching.h"
+#include "core/memory.h"
+
 #include <new>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
@@ -9,61 +12,47 @@
 
 struct tsuya_features {
     std::vector<cv::KeyPoint> place;
-    cv::Mat descriptor; /* one row each, Hellinger (square-rooted) distances */
+    std::vector<tsuya_sift_position> position;
+    std::vector<uint8_t> descriptor; /* Hellinger (square-rooted) distances */
 };
 
 namespace {
 
-/* Arandjelović & Zisserman 2012: square roots of L1-normed descriptors. */
-void take_roots(cv::Mat &descriptor)
+/* Arandjelović & Zisserman 2012: square roots of L1-normed descriptors, of Euclidean length 512. */
+void keep_roots(tsuya_features *made, const cv::Mat &descriptor)
 {
+    for (const cv::KeyPoint &place : made->place) {
+        made->position.push_back({place.pt.x, place.pt.y});
+    }
     for (int row = 0; row < descriptor.rows; row++) {
-        float *d = descriptor.ptr<float>(row), sum = 0.0f;
-        for (int k = 0; k < descriptor.cols; k++) {
+        const float *d = descriptor.ptr<float>(row);
+        float sum = 0.0f;
+        for (int k = 0; k < TSUYA_DESCRIPTOR_LENGTH; k++) {
             sum += d[k];
         }
-        for (int k = 0; k < descriptor.cols; k++) {
-            d[k] = sum > 0.0f ? std::sqrt(d[k] / sum) : 0.0f;
+        for (int k = 0; k < TSUYA_DESCRIPTOR_LENGTH; k++) {
+            made->descriptor.push_back(cv::saturate_cast<uint8_t>(sum > 0.0f ? 512.0f * std::sqrt(d[k] / sum) : 0.0f));
         }
     }
 }
 
-/* For every row of `from` the row of `to` that passes the ratio test, or −1. */
-std::vector<int> best_of(const cv::Mat &from, const cv::Mat &to)
+tsuya_sift view_of(const tsuya_features *f)
 {
-    std::vector<std::vector<cv::DMatch>> found;
-    std::vector<int> best(static_cast<size_t>(from.rows), -1);
-    cv::BFMatcher(cv::NORM_L2).knnMatch(from, to, found, 2);
-    for (const auto &f : found) {
-        if (f.size() == 2 && f[0].distance < 0.8f * f[1].distance) {
-            best[static_cast<size_t>(f[0].queryIdx)] = f[0].trainIdx;
-        }
-    }
-    return best;
+    return {static_cast<int>(f->position.size()), const_cast<tsuya_sift_position *>(f->position.data()), const_cast<uint8_t *>(f->descriptor.data())};
 }
 
-void match(tsuya_feature_pair *pairs, int *count, const tsuya_features *a, const tsuya_features *b, double tolerance_px)
+void keep_rigid(tsuya_feature_pair *pairs, int *count, const tsuya_features *a, const tsuya_features *b, const tsuya_match *match, int matches, double tolerance_px)
 {
     std::vector<cv::Point2f> from, to;
-    std::vector<tsuya_feature_pair> candidate;
-    std::vector<int> forward = best_of(a->descriptor, b->descriptor), backward = best_of(b->descriptor, a->descriptor);
-    for (int i = 0; i < a->descriptor.rows; i++) {
-        int j = forward[static_cast<size_t>(i)];
-        if (j >= 0 && backward[static_cast<size_t>(j)] == i) {
-            candidate.push_back({i, j});
-            from.push_back(a->place[static_cast<size_t>(i)].pt);
-            to.push_back(b->place[static_cast<size_t>(j)].pt);
-        }
-    }
-    *count = 0;
-    if (candidate.size() < 12) {
-        return;
+    for (int k = 0; k < matches; k++) {
+        from.push_back(a->place[match[k].a].pt);
+        to.push_back(b->place[match[k].b].pt);
     }
     std::vector<unsigned char> inlier;
     cv::Mat fundamental = cv::findFundamentalMat(from, to, cv::FM_RANSAC, tolerance_px, 0.999, 1000, inlier);
-    for (size_t k = 0; !fundamental.empty() && k < candidate.size(); k++) {
-        if (inlier[k]) {
-            pairs[(*count)++] = candidate[k];
+    for (int k = 0; !fundamental.empty() && k < matches; k++) {
+        if (inlier[static_cast<size_t>(k)]) {
+            pairs[(*count)++] = {static_cast<int>(match[k].a), static_cast<int>(match[k].b)};
         }
     }
 }
@@ -102,14 +91,14 @@ tsuya_status tsuya_features_find(tsuya_features **features, const tsuya_image *g
     *features = nullptr;
     try {
         cv::setNumThreads(threads);
-        cv::Mat source(grey->height_px, grey->width_px, CV_8U, grey->data, grey->row_bytes), allowed;
+        cv::Mat source(grey->height_px, grey->width_px, CV_8U, grey->data, grey->row_bytes), allowed, descriptor;
         if (mask) {
             allowed = cv::Mat(mask->height_px, mask->width_px, CV_8U, mask->data, mask->row_bytes);
         }
         auto *made = new tsuya_features;
         try {
-            cv::SIFT::create(most, 3, 0.03)->detectAndCompute(source, allowed, made->place, made->descriptor);
-            take_roots(made->descriptor);
+            cv::SIFT::create(most, 3, 0.03)->detectAndCompute(source, allowed, made->place, descriptor);
+            keep_roots(made, descriptor);
         } catch (...) {
             delete made;
             throw;
@@ -136,19 +125,25 @@ void tsuya_features_place(const tsuya_features *features, int index, double *x_p
     *y_px = static_cast<double>(p.y);
 }
 
-tsuya_status tsuya_features_match(tsuya_feature_pair *pairs, int *count, const tsuya_features *a, const tsuya_features *b, double tolerance_px)
+tsuya_status tsuya_features_match(tsuya_feature_pair *pairs, int *count, const tsuya_features *a, const tsuya_features *b, double tolerance_px, int threads)
 {
+    tsuya_match *match;
+    tsuya_sift of_a = view_of(a), of_b = view_of(b);
+    int matches;
     *count = 0;
+    TSUYA_TRY(tsuya_match_features(&match, &matches, &of_a, &of_b, nullptr, threads));
+    tsuya_status status = TSUYA_OK;
     try {
-        if (a->place.size() >= 12 && b->place.size() >= 12) {
-            match(pairs, count, a, b, tolerance_px);
+        if (matches >= 12) {
+            keep_rigid(pairs, count, a, b, match, matches, tolerance_px);
         }
-        return TSUYA_OK;
     } catch (const std::exception &error) {
-        return tsuya_fail(TSUYA_ERROR_NUMERIC, "OpenCV: matching: %.200s", error.what());
+        status = tsuya_fail(TSUYA_ERROR_NUMERIC, "OpenCV: matching: %.200s", error.what());
     } catch (...) {
-        return tsuya_fail(TSUYA_ERROR_NUMERIC, "OpenCV: matching failed");
+        status = tsuya_fail(TSUYA_ERROR_NUMERIC, "OpenCV: matching failed");
     }
+    tsuya_free(match);
+    return status;
 }
 
 tsuya_status tsuya_features_turn(tsuya_mat3 *turn, int *agreeing, const tsuya_features_view *a, const tsuya_features_view *b,

@@ -23,7 +23,7 @@ typedef struct tsuya_feature_pair { int a, b; } tsuya_feature_pair;
 /* Mutual nearest neighbours that pass Lowe's ratio test and obey one fundamental matrix (RANSAC at `tolerance_px`).
  * `pairs`: room for the smaller of both counts. */
 TSUYA_MUST_CHECK TSUYA_INTERNAL tsuya_status tsuya_features_match(tsuya_feature_pair *pairs, int *count, const tsuya_features *a,
-                                                                  const tsuya_features *b, double tolerance_px);
+                                                                  const tsuya_features *b, double tolerance_px, int threads);
 
 /* A picture's features with its lens. */
 typedef struct tsuya_features_view { const tsuya_features *features; double focal_px; tsuya_vec2 middle; } tsuya_features_view;

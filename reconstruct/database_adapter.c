@@ -291,13 +291,6 @@ tsuya_status tsuya_sift_load(tsuya_sift *features, const char *path, uint32_t im
     return status;
 }
 
-void tsuya_sift_free(tsuya_sift *features)
-{
-    tsuya_free(features->position);
-    tsuya_free(features->descriptor);
-    *features = (tsuya_sift){0};
-}
-
 static int64_t pair_id(uint32_t image_a, uint32_t image_b)
 {
     return (int64_t)image_a * LARGEST_IMAGE_ID + (int64_t)image_b;

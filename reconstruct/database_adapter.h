@@ -3,6 +3,7 @@
 #define TSUYA_RECONSTRUCT_DATABASE_ADAPTER_H
 
 #include "core/camera.h"
+#include "core/matching.h"
 
 typedef struct tsuya_database_image {
     uint32_t image_id, camera_id;
@@ -21,23 +22,6 @@ typedef struct tsuya_database {
     tsuya_database_pair *pair;
     int pair_count;
 } tsuya_database;
-
-enum { TSUYA_DESCRIPTOR_LENGTH = 128 };
-
-typedef struct tsuya_sift_position {
-    float x, y; /* px, the first pixel's centre at 0.5 */
-} tsuya_sift_position;
-
-/* What the photograph's features look like. */
-typedef struct tsuya_sift {
-    int count;
-    tsuya_sift_position *position;
-    uint8_t *descriptor; /* count × TSUYA_DESCRIPTOR_LENGTH */
-} tsuya_sift;
-
-typedef struct tsuya_match {
-    uint32_t a, b; /* indices of features */
-} tsuya_match;
 
 /* COLMAP's kinds of two-view geometry (estimators/two_view_geometry.h). */
 typedef enum tsuya_two_view_kind {
@@ -70,7 +54,6 @@ TSUYA_MUST_CHECK tsuya_status tsuya_database_merge(const char *base, const char 
 /* Numbers the images in the order of their names: COLMAP numbers them in the order in which its threads end. */
 TSUYA_MUST_CHECK tsuya_status tsuya_database_sort_images(const char *path);
 TSUYA_MUST_CHECK tsuya_status tsuya_sift_load(tsuya_sift *features, const char *path, uint32_t image_id);
-void tsuya_sift_free(tsuya_sift *features);
 /* kind 0 where the pair is not verified. */
 TSUYA_MUST_CHECK tsuya_status tsuya_two_view_load(tsuya_two_view *pair, const char *path, uint32_t image_a, uint32_t image_b);
 /* Writes or overwrites the verified matches; all of them or none. */

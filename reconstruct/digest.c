@@ -1,7 +1,7 @@
 #include "reconstruct/digest.h"
 
+#include "core/matching.h"
 #include "core/memory.h"
-#include "reconstruct/matching.h"
 
 #include <string.h>
 

@@ -1,8 +1,8 @@
 #include "reconstruct/match_steps.h"
 
+#include "core/matching.h"
 #include "core/memory.h"
 #include "reconstruct/digest.h"
-#include "reconstruct/matching.h"
 #include "reconstruct/pairs.h"
 #include "reconstruct/verify.h"
 

@@ -1,4 +1,4 @@
-#include "reconstruct/matching.h"
+#include "core/matching.h"
 
 #include "core/clones.h"
 #include "core/memory.h"
@@ -312,6 +312,13 @@ tsuya_status tsuya_match_features(tsuya_match **match, int *count, const tsuya_s
     tsuya_free(in_b);
     tsuya_free(second);
     return status;
+}
+
+void tsuya_sift_free(tsuya_sift *features)
+{
+    tsuya_free(features->position);
+    tsuya_free(features->descriptor);
+    *features = (tsuya_sift){0};
 }
 
 void tsuya_sift_undistort(tsuya_sift *features, const tsuya_camera *camera)
