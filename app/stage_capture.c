@@ -3,17 +3,9 @@
 
 #include "capture/check.h"
 
-/* A job does not wait for what the session's own check, with lights still on, waits for: pairs grow with the square of the photographs. */
-static tsuya_check_options usual(void)
-{
-    tsuya_check_options o = tsuya_check_options_default();
-    o.features = 2000;
-    return o;
-}
-
 tsuya_status tsuya_stage_capture_plan(tsuya_stage_plan *plan, const tsuya_stage_run *run)
 {
-    tsuya_check_options o = usual();
+    tsuya_check_options o = tsuya_check_options_default();
     TSUYA_TRY(tsuya_stage_input(plan, "photos", run->job->photos));
     TSUYA_TRY(tsuya_stage_input(plan, "masks", run->job->masks));
     TSUYA_TRY(tsuya_stage_input(plan, "scale: board", run->job->scale.board));
@@ -30,7 +22,7 @@ tsuya_status tsuya_stage_capture_plan(tsuya_stage_plan *plan, const tsuya_stage_
 
 tsuya_status tsuya_stage_capture_run(const tsuya_stage_run *run)
 {
-    tsuya_check_options options = usual();
+    tsuya_check_options options = tsuya_check_options_default();
     tsuya_check check;
     const char *path = tsuya_job_path(run->job, "capture/capture.json");
     if (!path) {
