@@ -4,6 +4,9 @@
 #include "core/clones.h"
 #include "core/memory.h"
 
+#include <stdint.h>
+#include <string.h>
+
 enum { MEAN_SIDE = 256 };
 
 /* r̄ of the table as it is interpolated, so that base integrates to r exactly. */
@@ -111,16 +114,19 @@ add_plane(const tsuya_albedo_table *table, int channel, float scale, const tsuya
     }
 }
 
-TSUYA_CLONES("arch=x86-64-v3", "default") static void
-limit_block(const tsuya_albedo_table *limit, const tsuya_direction_batch *d, int from, int count, float *restrict factor)
+enum { LIMIT_BLOCK = 256 }; /* a multiple of 8 */
+
+/* factor[k] = share · s(wi) s(wo). */
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
+limit_block(const tsuya_albedo_table *limit, const tsuya_direction_batch *d, float share, float *restrict factor)
 {
-    const float *restrict ix = d->wi_x + from, *restrict iy = d->wi_y + from, *restrict iz = d->wi_z + from;
-    const float *restrict ox = d->wo_x + from, *restrict oy = d->wo_y + from, *restrict oz = d->wo_z + from;
+    const float *restrict ix = d->wi_x, *restrict iy = d->wi_y, *restrict iz = d->wi_z;
+    const float *restrict ox = d->wo_x, *restrict oy = d->wo_y, *restrict oz = d->wo_z;
     const int side = limit->side;
 #pragma omp simd
-    for (int k = 0; k < count; ++k) {
+    for (int k = 0; k < d->count; ++k) {
         float zi = iz[k] > 0.0f ? iz[k] : 1.0f, zo = oz[k] > 0.0f ? oz[k] : 1.0f;
-        float a = cell_value(limit->value, side, 1, cell_of(side, ix[k], iy[k], zi));
+        float a = share * cell_value(limit->value, side, 1, cell_of(side, ix[k], iy[k], zi));
         factor[k] = a * cell_value(limit->value, side, 1, cell_of(side, ox[k], oy[k], zo));
     }
 }
@@ -136,62 +142,72 @@ void tsuya_limit_find_level(tsuya_albedo_table *t)
     t->level_above = row > 0 ? (float)(1.0 - s * s + 1e-6) : INFINITY; /* brdf/albedo_grid.h; and what float may be off by */
 }
 
-static void multiply(float *value, int channels, int plane, int count, const float *factor)
+/* Multiplies all pairs of a block by one factor. */
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
+multiply_all(float *restrict value, int channels, int plane, int count, float factor)
 {
     for (int c = 0; c < channels; ++c) {
-        float *restrict to = value + (size_t)c * (size_t)plane;
         for (int k = 0; k < count; ++k) {
-            to[k] *= factor[k];
+            value[(size_t)c * (size_t)plane + (size_t)k] *= factor;
         }
     }
 }
 
-/* Which of a block's pairs have a direction near the horizon, or one that is not finite. */
-TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static int
-find_low(unsigned char *restrict low, const float *restrict iz, const float *restrict oz, int count, float level_above)
+/* Whether a pair has a direction near the horizon, or one that is not finite. */
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
+mark_low(unsigned char *restrict low, const float *restrict iz, const float *restrict oz, int count, float level_above)
 {
-    int some = 0;
     for (int k = 0; k < count; ++k) {
-        low[k] = !((iz[k] < oz[k] ? iz[k] : oz[k]) >= level_above);
-        some += low[k];
+        low[k] = (unsigned char)!((iz[k] < oz[k] ? iz[k] : oz[k]) >= level_above);
     }
-    return some;
 }
 
-/* The pairs that are low, and what all have in common. */
-static void limit_some(float *value, int channels, int plane, const unsigned char *low, const tsuya_albedo_table *limit, const tsuya_direction_batch *d, int from,
-                       int count)
+/* Their numbers within a block, with room for one more; most are skipped eight at a time. */
+static int find_low(short *low, const float *iz, const float *oz, int count, float level_above)
 {
-    float common = limit->value[0] * limit->value[0];
-    for (int c = 0; c < channels && common < 1.0f; ++c) {
-        for (int k = 0; k < count; ++k) {
-            value[(size_t)c * (size_t)plane + (size_t)k] *= common;
+    unsigned char mark[LIMIT_BLOCK] = {0};
+    int found = 0;
+    mark_low(mark, iz, oz, count, level_above);
+    for (int k = 0; k < count; k += 8) {
+        uint64_t eight;
+        memcpy(&eight, mark + k, sizeof eight);
+        for (int i = k; i < k + 8 && eight != 0; ++i) {
+            low[found] = (short)i;
+            found += mark[i];
         }
     }
-    for (int k = 0; k < count; ++k) {
-        if (low[k]) {
-            float factor;
-            limit_block(limit, d, from + k, 1, &factor);
-            for (int c = 0; c < channels; ++c) {
-                value[(size_t)c * (size_t)plane + (size_t)k] *= factor / common;
-            }
+    return found;
+}
+
+/* A block's pairs that are low, side by side, under their own factors; and what all have in common. */
+static void limit_some(const tsuya_albedo_table *limit, int channels, const tsuya_direction_batch *d, int from, int count, float *value)
+{
+    short low[LIMIT_BLOCK + 1];
+    float w[6][LIMIT_BLOCK], factor[LIMIT_BLOCK], common = limit->value[0] * limit->value[0];
+    int found = find_low(low, d->wi_z + from, d->wo_z + from, count, limit->level_above);
+    const float *const own[6] = {d->wi_x, d->wi_y, d->wi_z, d->wo_x, d->wo_y, d->wo_z};
+    const tsuya_direction_batch some = {found, w[0], w[1], w[2], w[3], w[4], w[5]};
+    for (int i = 0; i < 6; ++i) {
+        for (int k = 0; k < found; ++k) {
+            w[i][k] = own[i][from + low[k]];
+        }
+    }
+    if (common < 1.0f) {
+        multiply_all(value + from, channels, d->count, count, common);
+    }
+    limit_block(limit, &some, 1.0f / common, factor);
+    for (int c = 0; c < channels; ++c) {
+        float *to = value + (size_t)c * (size_t)d->count + from;
+        for (int k = 0; k < found; ++k) {
+            to[low[k]] *= factor[k];
         }
     }
 }
 
 void tsuya_limit_batch(const tsuya_albedo_table *limit, int channels, const tsuya_direction_batch *d, float *value)
 {
-    enum { BLOCK = 256 };
-    unsigned char low[BLOCK];
-    float factor[BLOCK];
-    for (int from = 0; from < d->count; from += BLOCK) {
-        int count = d->count - from < BLOCK ? d->count - from : BLOCK;
-        if (find_low(low, d->wi_z + from, d->wo_z + from, count, limit->level_above) > count / 4) {
-            limit_block(limit, d, from, count, factor);
-            multiply(value + from, channels, d->count, count, factor);
-        } else {
-            limit_some(value + from, channels, d->count, low, limit, d, from, count);
-        }
+    for (int from = 0; from < d->count; from += LIMIT_BLOCK) {
+        limit_some(limit, channels, d, from, d->count - from < LIMIT_BLOCK ? d->count - from : LIMIT_BLOCK, value);
     }
 }
 

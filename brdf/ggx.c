@@ -53,10 +53,13 @@ static void eval(const void *state, int channels, tsuya_vec3 wi, tsuya_vec3 wo, 
     }
 }
 
-/* The lobe of one block, and Fη(wi·h)/Fη(0), which the channels share. */
-TSUYA_CLONES("avx512f", "avx2", "default") static void
-lobe_block(const ggx *g, const tsuya_direction_batch *batch, int from, int count, float *restrict lobe, float *restrict relative)
+enum { BLOCK = 256 }; /* directions at a time */
+
+/* One block, all channels.  With h unnormalised, h2 = |h|² and unit wi, wo: wi·h/|h| = |h|/2. */
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
+eval_block(const ggx *g, int channels, const tsuya_direction_batch *batch, int from, int count, float *restrict value)
 {
+    float lobe[BLOCK], relative[BLOCK];
     const float ax = (float)g->alpha_x, ay = (float)g->alpha_y, eta2 = (float)(g->eta * g->eta - 1.0);
     const float rx = 1.0f / ax, ry = 1.0f / ay, scale = (float)(1.0 / (2.0 * M_PI * g->alpha_x * g->alpha_y));
     const float half = (float)(0.5 / g->fresnel0);
@@ -65,33 +68,32 @@ lobe_block(const ggx *g, const tsuya_direction_batch *batch, int from, int count
 #pragma omp simd
     for (int k = 0; k < count; ++k) {
         float hx = ix[k] + ox[k], hy = iy[k] + oy[k], hz = iz[k] + oz[k];
-        float h2 = hx * hx + hy * hy + hz * hz, inverse2 = 1.0f / (h2 > 1e-30f ? h2 : 1e-30f), inverse = sqrtf(inverse2);
-        float cosine = (ix[k] * hx + iy[k] * hy + iz[k] * hz) * inverse;
-        float gg = sqrtf(eta2 + cosine * cosine);
-        float a = (gg - cosine) / (gg + cosine), b = (cosine * (gg + cosine) - 1.0f) / (cosine * (gg - cosine) + 1.0f);
-        relative[k] = half * a * a * (1.0f + b * b);
-        float x = hx * rx, y = hy * ry, q = (x * x + y * y + hz * hz) * inverse2;
+        float h2 = hx * hx + hy * hy + hz * hz, c = 0.5f * sqrtf(h2), t = sqrtf(eta2 + c * c), more = t + c, less = t - c;
+        float with = c * less + 1.0f, against = c * more - 1.0f, ratio = less / (more * with);
+        relative[k] = half * ratio * ratio * (with * with + against * against);
+        float x = hx * rx, y = hy * ry, q = x * x + y * y + hz * hz;
         float si = sqrtf(iz[k] * iz[k] + ax * ax * ix[k] * ix[k] + ay * ay * iy[k] * iy[k]);
         float so = sqrtf(oz[k] * oz[k] + ax * ax * ox[k] * ox[k] + ay * ay * oy[k] * oy[k]);
-        lobe[k] = scale / (q * q * (oz[k] * si + iz[k] * so));
+        float f = scale * h2 * h2 / (q * q * (oz[k] * si + iz[k] * so));
+        bool seen = (iz[k] > 0.0f) & (oz[k] > 0.0f) & (fabsf(hx + hy + hz) < INFINITY);
+        lobe[k] = seen ? f : 0.0f;
+        relative[k] = seen ? relative[k] : 0.0f;
+    }
+    for (int c = 0; c < channels; ++c) {
+        float strength = (float)g->strength[c], *restrict to = value + (size_t)c * (size_t)batch->count + from;
+#pragma omp simd
+        for (int k = 0; k < count; ++k) {
+            float reflectance = strength * relative[k];
+            to[k] = (reflectance < 1.0f ? reflectance : 1.0f) * lobe[k];
+        }
     }
 }
 
 static void eval_batch(const void *state, int channels, const tsuya_direction_batch *batch, float *value)
 {
-    enum { BLOCK = 256 };
-    const ggx *g = state;
-    float lobe[BLOCK], relative[BLOCK];
     for (int from = 0; from < batch->count; from += BLOCK) {
         int count = batch->count - from < BLOCK ? batch->count - from : BLOCK;
-        lobe_block(g, batch, from, count, lobe, relative);
-        for (int c = 0; c < channels; ++c) {
-            float strength = (float)g->strength[c], *restrict to = value + (size_t)c * (size_t)batch->count + from;
-            for (int k = 0; k < count; ++k) {
-                float reflectance = strength * relative[k];
-                to[k] = (reflectance < 1.0f ? reflectance : 1.0f) * lobe[k];
-            }
-        }
+        eval_block(state, channels, batch, from, count, value);
     }
 }
 
@@ -191,7 +193,7 @@ static size_t bytes(const void *state)
     return sizeof *g + (size_t)g->channels * sizeof g->strength[0];
 }
 
-#define GGX_COMMON .eval = eval, .eval_batch = eval_batch, .pdf = pdf, .sample = sample, .free_state = tsuya_free, .bytes = bytes, .mirrored = true
+#define GGX_COMMON .eval = eval, .eval_batch = eval_batch, .pdf = pdf, .sample = sample, .free_state = tsuya_free, .bytes = bytes, .mirrored = true, .clears = true
 
 const tsuya_brdf_model tsuya_brdf_ggx = {.name = "ggx", .from_json = from_json_iso, .to_json = to_json_iso, GGX_COMMON};
 const tsuya_brdf_model tsuya_brdf_ggx_aniso = {

@@ -1,6 +1,7 @@
 #include "brdf/energy.h"
 #include "brdf/sampling.h"
 
+#include "core/clones.h"
 #include "core/memory.h"
 
 #include <stdio.h>
@@ -304,23 +305,33 @@ void tsuya_material_albedo(const tsuya_material *m, const double *dye, tsuya_vec
     }
 }
 
-/* 1 where both directions are finite and above the surface, for one block. */
-static void seen_block(float *restrict seen, const tsuya_direction_batch *b, int from, int count)
+enum { BLOCK = 256 };
+
+/* value += constant, a channel, where both directions are finite and above the surface, and 0 elsewhere, for one block. */
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
+finish_block(const tsuya_direction_batch *b, int from, int count, const float *constant, int channels, float *restrict value)
 {
     const float *restrict ix = b->wi_x + from, *restrict iy = b->wi_y + from, *restrict iz = b->wi_z + from;
     const float *restrict ox = b->wo_x + from, *restrict oy = b->wo_y + from, *restrict oz = b->wo_z + from;
+    int seen[BLOCK];
+#pragma omp simd
     for (int k = 0; k < count; ++k) {
-        float all = fabsf(ix[k] + iy[k] + iz[k] + (ox[k] + oy[k] + oz[k]));
-        seen[k] = (iz[k] > 0.0f) & (oz[k] > 0.0f) & (all < INFINITY) ? 1.0f : 0.0f;
+        seen[k] = (iz[k] > 0.0f) & (oz[k] > 0.0f) & (fabsf(ix[k] + iy[k] + iz[k] + (ox[k] + oy[k] + oz[k])) < INFINITY);
+    }
+    for (int c = 0; c < channels; ++c) {
+        float *restrict plane = value + (size_t)c * (size_t)b->count + from, more = constant[c];
+#pragma omp simd
+        for (int k = 0; k < count; ++k) {
+            float sum = plane[k] + more;
+            plane[k] = seen[k] ? sum : 0.0f;
+        }
     }
 }
 
 void tsuya_material_eval_batch(const tsuya_material *m, const double *dye, const tsuya_direction_batch *batch, float *value)
 {
-    enum { BLOCK = 256 };
-    float seen[BLOCK];
+    float constant[TSUYA_MATERIAL_MAX_CHANNELS];
     dye = dye ? dye : m->dye;
-    int count = batch->count;
     m->model->eval_batch(m->state, m->channel_count, batch, value);
     if (m->limit) {
         tsuya_limit_batch(m->limit, m->channel_count, batch, value);
@@ -331,15 +342,11 @@ void tsuya_material_eval_batch(const tsuya_material *m, const double *dye, const
     if (m->coupling == TSUYA_DYE_UNDER_SURFACE) {
         tsuya_dye_add_batch(m->albedo, dye, batch, value);
     }
-    for (int from = 0; from < count; from += BLOCK) {
-        int here = count - from < BLOCK ? count - from : BLOCK;
-        seen_block(seen, batch, from, here);
-        for (int c = 0; c < m->channel_count; ++c) {
-            float *restrict plane = value + (size_t)c * (size_t)count + from;
-            float constant = m->coupling == TSUYA_DYE_LAMBERT ? (float)(dye[c] / M_PI) : 0.0f;
-            for (int k = 0; k < here; ++k) {
-                plane[k] = seen[k] > 0.0f ? plane[k] + constant : 0.0f;
-            }
-        }
+    for (int c = 0; c < m->channel_count; ++c) {
+        constant[c] = m->coupling == TSUYA_DYE_LAMBERT ? (float)(dye[c] / M_PI) : 0.0f;
+    }
+    for (int from = 0; from < batch->count; from += BLOCK) {
+        int count = batch->count - from < BLOCK ? batch->count - from : BLOCK;
+        finish_block(batch, from, count, constant, m->channel_count, value);
     }
 }
