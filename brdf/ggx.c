@@ -9,6 +9,7 @@
  *   G2/(4 zi zo) = 1 / (2 (zo S(wi) + zi S(wo))),      pdf(wi) = D(h) / (2 (zo + S(wo))),
  *
  * which stay finite at grazing angles. */
+#include "brdf/kernel.h"
 #include "brdf/model.h"
 
 #include "core/clones.h"
@@ -62,22 +63,20 @@ eval_block(const ggx *g, int channels, const tsuya_direction_batch *batch, int f
     float lobe[BLOCK], relative[BLOCK];
     const float ax = (float)g->alpha_x, ay = (float)g->alpha_y, eta2 = (float)(g->eta * g->eta - 1.0);
     const float rx = 1.0f / ax, ry = 1.0f / ay, scale = (float)(1.0 / (2.0 * M_PI * g->alpha_x * g->alpha_y));
-    const float half = (float)(0.5 / g->fresnel0);
+    const float per = (float)(1.0 / g->fresnel0);
     const float *restrict ix = batch->wi_x + from, *restrict iy = batch->wi_y + from, *restrict iz = batch->wi_z + from;
     const float *restrict ox = batch->wo_x + from, *restrict oy = batch->wo_y + from, *restrict oz = batch->wo_z + from;
 #pragma omp simd
     for (int k = 0; k < count; ++k) {
         float hx = ix[k] + ox[k], hy = iy[k] + oy[k], hz = iz[k] + oz[k];
-        float h2 = hx * hx + hy * hy + hz * hz, c = 0.5f * sqrtf(h2), t = sqrtf(eta2 + c * c), more = t + c, less = t - c;
-        float with = c * less + 1.0f, against = c * more - 1.0f, ratio = less / (more * with);
-        relative[k] = half * ratio * ratio * (with * with + against * against);
+        float h2 = hx * hx + hy * hy + hz * hz, share = fresnel_term(0.5f * sqrtf(h2), eta2, per);
         float x = hx * rx, y = hy * ry, q = x * x + y * y + hz * hz;
         float si = sqrtf(iz[k] * iz[k] + ax * ax * ix[k] * ix[k] + ay * ay * iy[k] * iy[k]);
         float so = sqrtf(oz[k] * oz[k] + ax * ax * ox[k] * ox[k] + ay * ay * oy[k] * oy[k]);
         float f = scale * h2 * h2 / (q * q * (oz[k] * si + iz[k] * so));
         bool seen = (iz[k] > 0.0f) & (oz[k] > 0.0f) & (fabsf(hx + hy + hz) < INFINITY);
         lobe[k] = seen ? f : 0.0f;
-        relative[k] = seen ? relative[k] : 0.0f;
+        relative[k] = seen ? share : 0.0f;
     }
     for (int c = 0; c < channels; ++c) {
         float strength = (float)g->strength[c], *restrict to = value + (size_t)c * (size_t)batch->count + from;

@@ -2,6 +2,7 @@
 #ifndef TSUYA_BRDF_KERNEL_H
 #define TSUYA_BRDF_KERNEL_H
 
+#include <math.h>
 #include <stdbool.h>
 
 static const float half_pi = 1.57079632679f, two_pi = 6.28318530718f;
@@ -34,6 +35,14 @@ static inline float exponential(float x)
         float f;
     } power = {((int)n + 127) << 23};
     return p * power.f;
+}
+
+/* scale · Fη(c), the unpolarised dielectric Fresnel term: eta2 is η² − 1. */
+static inline float fresnel_term(float c, float eta2, float scale)
+{
+    float root = sqrtf(eta2 + c * c), more = root + c, with = c * (root - c) + 1.0f, against = c * more - 1.0f;
+    float ratio = eta2 / (more * more * with);
+    return 0.5f * scale * ratio * ratio * (with * with + against * against);
 }
 
 /* Azimuth in [0, 2π] of (x, y) from the angle between (|x|, |y|) and the x axis. */

@@ -25,7 +25,7 @@
 
 #include "brdf/model.h"
 
-enum { TSUYA_SHEEN_CURVES = 4, TSUYA_SHEEN_TERMS = 8, TSUYA_SHEEN_RISE = 12, TSUYA_SHEEN_NARROW = 6 };
+enum { TSUYA_SHEEN_CURVES = 4, TSUYA_SHEEN_TERMS = 8 };
 
 /* Curves, in this order. */
 enum { TSUYA_SHEEN_WARP_ALONG, TSUYA_SHEEN_WARP_ACROSS, TSUYA_SHEEN_WEFT_ALONG, TSUYA_SHEEN_WEFT_ACROSS };
@@ -49,8 +49,6 @@ typedef struct tsuya_sheen {
     int terms;
     double *factor[TSUYA_SHEEN_FACTORS]; /* of S, [term][control value] */
     int level_terms;                    /* of them, the first so many do not change with φh */
-    float fast_rise[TSUYA_SHEEN_RISE];  /* Fη(c)/Fη(0) − 1 as a polynomial of wi·h, or of its square, from −1 at lowest_cosine to 1 at 1 */
-    bool narrow;                        /* the square's, which then needs TSUYA_SHEEN_NARROW terms */
     float *fast, *wide;                 /* for batches (brdf/sheen_tables.h) */
     struct tsuya_half_table *half;      /* for sampling */
 } tsuya_sheen;
@@ -65,6 +63,8 @@ tsuya_half_angles tsuya_half_angles_of(tsuya_vec3 wi, tsuya_vec3 wo);
 
 /* Fη(cosine)/Fη(0) − 1; 0 for η = 1. */
 double tsuya_sheen_rise(const tsuya_sheen *sheen, double cosine);
+/* Whether Fresnel's term adds anything. */
+static inline bool tsuya_sheen_glossy(const tsuya_sheen *s) { return s->eta > 1.0 && s->gloss[0] + s->gloss[1] > 0.0; }
 
 /* The four weights of a uniform cubic B-spline over `spans` intervals of [low, high], and the index of the first (open: spans + 3
  * functions; periodic: spans functions). */

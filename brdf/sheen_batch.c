@@ -118,32 +118,12 @@ block_gloss(block *restrict b, const tsuya_sheen *s, const tsuya_direction_batch
 {
     const float *restrict ix = d->wi_x + from, *restrict iy = d->wi_y + from, *restrict iz = d->wi_z + from;
     const float *restrict ox = d->wo_x + from, *restrict oy = d->wo_y + from, *restrict oz = d->wo_z + from;
-    const double low = s->narrow ? s->lowest_cosine * s->lowest_cosine : s->lowest_cosine;
-    const float lowest = (float)low, per = (float)(2.0 / (1.0 - low)), warp = (float)s->gloss[0], weft = (float)s->gloss[1];
-    float a[TSUYA_SHEEN_RISE];
-    memcpy(a, s->fast_rise, sizeof a);
-    if (s->narrow) {
-#pragma omp simd
-        for (int k = 0; k < count; ++k) {
-            float x = ix[k] + ox[k], y = iy[k] + oy[k], z = iz[k] + oz[k], c = larger(0.25f * (x * x + y * y + z * z), lowest);
-            float t = (c - lowest) * per - 1.0f, rise = a[TSUYA_SHEEN_NARROW - 1];
-#pragma GCC unroll 8
-            for (int i = TSUYA_SHEEN_NARROW - 2; i >= 0; --i) {
-                rise = rise * t + a[i];
-            }
-            b->gloss[k] = (warp * b->warp[k] + weft * b->weft[k]) * rise;
-        }
-        return;
-    }
+    const float lowest = (float)s->lowest_cosine, warp = (float)s->gloss[0], weft = (float)s->gloss[1];
+    const float eta2 = (float)(s->eta * s->eta - 1.0), per = (float)pow((s->eta + 1.0) / (s->eta - 1.0), 2.0);
 #pragma omp simd
     for (int k = 0; k < count; ++k) {
-        float x = ix[k] + ox[k], y = iy[k] + oy[k], z = iz[k] + oz[k], c = larger(0.5f * sqrtf(x * x + y * y + z * z), lowest);
-        float t = (c - lowest) * per - 1.0f, rise = a[TSUYA_SHEEN_RISE - 1];
-#pragma GCC unroll 16
-        for (int i = TSUYA_SHEEN_RISE - 2; i >= 0; --i) {
-            rise = rise * t + a[i];
-        }
-        b->gloss[k] = (warp * b->warp[k] + weft * b->weft[k]) * rise;
+        float x = ix[k] + ox[k], y = iy[k] + oy[k], z = iz[k] + oz[k], cosine = larger(0.5f * sqrtf(x * x + y * y + z * z), lowest);
+        b->gloss[k] = (warp * b->warp[k] + weft * b->weft[k]) * (fresnel_term(cosine, eta2, per) - 1.0f);
     }
 }
 
@@ -229,7 +209,7 @@ void tsuya_sheen_eval_rows(const tsuya_sheen *s, int channels, const tsuya_direc
         int count = batch->count - from < BLOCK ? batch->count - from : BLOCK;
         block_yarn_angles(&b, s, batch, from, count);
         block_yarns(&b, s, count);
-        if (s->gloss[0] + s->gloss[1] > 0.0) {
+        if (tsuya_sheen_glossy(s)) {
             block_gloss(&b, s, batch, from, count);
         } else {
             memset(b.gloss, 0, sizeof b.gloss);

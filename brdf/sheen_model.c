@@ -27,59 +27,8 @@ static double half_density(const void *user, tsuya_vec3 h)
     return sum;
 }
 
-/* The rise through Chebyshev's nodes, as a polynomial of the cosine or of its square. */
-static void fit_rise(double *sum, int terms, const tsuya_sheen *s, bool squares)
-{
-    double power[TSUYA_SHEEN_RISE + 1][TSUYA_SHEEN_RISE] = {{1.0}, {0.0, 1.0}}, low = squares ? s->lowest_cosine * s->lowest_cosine : s->lowest_cosine;
-    memset(sum, 0, (size_t)terms * sizeof *sum);
-    for (int k = 0; k < terms; ++k) {
-        double weight = 0.0;
-        for (int i = 0; i < terms; ++i) {
-            double angle = M_PI * (i + 0.5) / terms, x = low + 0.5 * (1.0 - low) * (1.0 + cos(angle));
-            weight += (k > 0 ? 2.0 : 1.0) / terms * tsuya_sheen_rise(s, squares ? sqrt(x) : x) * cos(k * angle);
-        }
-        for (int i = 0; i < terms; ++i) {
-            sum[i] += weight * power[k][i];
-            power[k + 1][i] = k > 0 ? (i > 0 ? 2.0 * power[k][i - 1] : 0.0) - power[k - 1][i] : power[k + 1][i];
-        }
-    }
-}
-
-/* The largest error of 1 + rise, relative. */
-static double rise_error(const double *sum, int terms, const tsuya_sheen *s, bool squares)
-{
-    enum { CHECKS = 200 };
-    double low = squares ? s->lowest_cosine * s->lowest_cosine : s->lowest_cosine, worst = 0.0;
-    for (int k = 0; k <= CHECKS; ++k) {
-        double t = 2.0 * k / CHECKS - 1.0, x = low + 0.5 * (1.0 - low) * (1.0 + t), value = 0.0;
-        double rise = tsuya_sheen_rise(s, squares ? sqrt(x) : x);
-        for (int i = terms - 1; i >= 0; --i) {
-            value = value * t + sum[i];
-        }
-        worst = fmax(worst, fabs(value - rise) / (1.0 + rise));
-    }
-    return worst;
-}
-
-/* A bench with few difference angles needs a narrow range of cosines, over which a short polynomial of the square does.  Else one of the
- * cosine: its nearest pole, Brewster's angle mirrored at cosine 0, is near where the lowest cosine is 0: of 1 + rise, 2e-5 is missed there
- * with the fibres' index and 5e-5 from 1.3 to 2.5; with 8 terms it was 3e-3. */
-static void prepare_rise(tsuya_sheen *s)
-{
-    double sum[TSUYA_SHEEN_RISE] = {0};
-    fit_rise(sum, TSUYA_SHEEN_NARROW, s, true);
-    s->narrow = rise_error(sum, TSUYA_SHEEN_NARROW, s, true) < 1e-5;
-    if (!s->narrow) {
-        fit_rise(sum, TSUYA_SHEEN_RISE, s, false);
-    }
-    for (int i = 0; i < TSUYA_SHEEN_RISE; ++i) {
-        s->fast_rise[i] = (float)sum[i];
-    }
-}
-
 tsuya_status tsuya_sheen_prepare(tsuya_sheen *s)
 {
-    prepare_rise(s);
     TSUYA_TRY(tsuya_sheen_tables(s));
     tsuya_half_table_free(s->half);
     return tsuya_half_table_create(&s->half, half_density, s);

@@ -22,13 +22,6 @@ typedef struct place {
 
 INLINE lanes all(float x) { return _mm512_set1_ps(x); }
 
-/* 1/√x: the processor's 14 digits and one step of Newton's. */
-INLINE lanes inverse_root(lanes x)
-{
-    lanes r = _mm512_rsqrt14_ps(x);
-    return r + r * (all(0.5f) - all(0.5f) * x * r * r);
-}
-
 /* atan of [0, 1] by Chebyshev's alternation, to 1.7e-6: for the azimuth.  The other angles are the bent ones that their curves are tabulated
  * over (brdf/sheen_tables.h).  Both in intervals of a curve: the coefficients are multiplied by their number. */
 enum { ATAN = 6 };
@@ -171,23 +164,20 @@ INLINE lanes angle_of_squares(lanes across2, lanes along2, const angle_scale *s)
 typedef struct cloth {
     const float *curves, *terms, *channels;
     int count, level; /* terms; and those that do not change with φ, which come first */
-    bool flat, deep, glossy, narrow, small, low; /* narrow: Fresnel's term by squares; small, low: curves of the yarns of up to 31
-                                                    * intervals, and over θh of up to 15 */
-    float lowest, per, gloss[2], rise[TSUYA_SHEEN_RISE];
+    bool flat, deep, glossy, small, low; /* small, low: curves of the yarns of up to 31 intervals, and over θh of up to 15 */
+    float lowest, eta2, per, gloss[2];
     angle_scale psi, phi, theta, d;
     float slant[2][2], reach[2][2]; /* [yarn][of dy2, dx2] */
 } cloth;
 
 static void take_gloss(cloth *c, const tsuya_sheen *s)
 {
-    double low = s->lowest_cosine;
-    c->glossy = s->gloss[0] + s->gloss[1] > 0.0;
-    c->narrow = s->narrow;
-    c->lowest = (float)(s->narrow ? 4.0 * low * low : low);
-    c->per = (float)(s->narrow ? 0.5 / (1.0 - low * low) : 2.0 / (1.0 - low));
+    c->glossy = tsuya_sheen_glossy(s);
+    c->lowest = (float)s->lowest_cosine;
+    c->eta2 = (float)(s->eta * s->eta - 1.0);
+    c->per = (float)(0.5 * pow((s->eta + 1.0) / (s->eta - 1.0), 2.0));
     c->gloss[0] = (float)s->gloss[0];
     c->gloss[1] = (float)s->gloss[1];
-    memcpy(c->rise, s->fast_rise, sizeof c->rise);
 }
 
 static cloth cloth_of(const tsuya_sheen *s)
@@ -284,27 +274,15 @@ INLINE void weave_yarns(block *b, const cloth *c, int steps)
     }
 }
 
-INLINE lanes polynomial(lanes t, const float *a, int count)
-{
-    lanes p = all(a[count - 1]);
-    for (int k = count - 2; k >= 0; --k) {
-        p = p * t + all(a[k]);
-    }
-    return p;
-}
-
-/* What Fresnel's term adds to the yarns. */
+/* What Fresnel's term adds to the yarns (brdf/kernel.h). */
 INLINE void shine(block *b, const cloth *c, int steps)
 {
-    const lanes lowest = all(c->lowest), per = all(c->per), one = all(1.0f);
+    const lanes lowest = all(c->lowest), eta2 = all(c->eta2), one = all(1.0f);
     for (int k = 0; k < steps; ++k) {
-        lanes sum2 = b->gloss[k], rise;
-        if (c->narrow) {
-            rise = polynomial((_mm512_max_ps(sum2, lowest) - lowest) * per - one, c->rise, TSUYA_SHEEN_NARROW);
-        } else {
-            lanes cosine = all(0.5f) * sum2 * inverse_root(_mm512_max_ps(sum2, all(1e-18f)));
-            rise = polynomial((_mm512_max_ps(cosine, lowest) - lowest) * per - one, c->rise, TSUYA_SHEEN_RISE);
-        }
+        lanes cosine = _mm512_max_ps(all(0.5f) * _mm512_sqrt_ps(b->gloss[k]), lowest), root = _mm512_sqrt_ps(eta2 + cosine * cosine);
+        lanes more = root + cosine, with = cosine * (root - cosine) + one, against = cosine * more - one;
+        lanes ratio = eta2 / (more * more * with);
+        lanes rise = all(c->per) * ratio * ratio * (with * with + against * against) - one;
         b->gloss[k] = (all(c->gloss[0]) * b->warp[k] + all(c->gloss[1]) * b->weft[k]) * rise;
     }
 }
