@@ -73,7 +73,7 @@ eval_block(const ggx *g, int channels, const tsuya_direction_batch *batch, int f
         float x = hx * rx, y = hy * ry, q = x * x + y * y + hz * hz;
         float si = sqrtf(iz[k] * iz[k] + ax * ax * ix[k] * ix[k] + ay * ay * iy[k] * iy[k]);
         float so = sqrtf(oz[k] * oz[k] + ax * ax * ox[k] * ox[k] + ay * ay * oy[k] * oy[k]);
-        float f = scale * h2 * h2 / (q * q * (oz[k] * si + iz[k] * so));
+        float r = h2 / (q > 1e-30f ? q : 1e-30f), f = scale * r * r / (oz[k] * si + iz[k] * so);
         bool seen = (iz[k] > 0.0f) & (oz[k] > 0.0f) & (fabsf(hx + hy + hz) < INFINITY);
         lobe[k] = seen ? f : 0.0f;
         relative[k] = seen ? share : 0.0f;

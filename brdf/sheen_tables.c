@@ -4,7 +4,7 @@
 
 #include "core/memory.h"
 
-static const double log2_e = 1.4426950408889634;
+static const double log2_e = 1.4426950408889634, most_missed = 1e-4; /* of a logarithm, by the wide tables */
 static const int paired[4] = {TSUYA_SHEEN_WARP_ALONG, TSUYA_SHEEN_WEFT_ACROSS, TSUYA_SHEEN_WARP_ACROSS, TSUYA_SHEEN_WEFT_ALONG};
 
 static int curve_floats(const tsuya_sheen *s) { return 2 * (s->spans + 3); }
@@ -106,24 +106,35 @@ static double value_at(const double *control, double x, double low, int interval
     return p[0] * w[0] + p[1] * w[1] + p[2] * w[2] + p[3] * w[3];
 }
 
+/* Where a cubic meets the curve between an interval's ends: with these it misses least (zeros of Chebyshev's polynomial, stretched until the
+ * outer two are the ends). */
+static const double inner[2] = {0.29289321881345254, 0.70710678118654746};
+
 /* A curve over an angle in [low, 90°], low 0 or −90°, as cubics over the bent angle, coefficient after coefficient; each goes through four
- * values, its ends among them. */
-static void fill_bent(float *to, int entries, const double *control, double low, int intervals, double factor)
+ * values, its ends among them.  Returns by how much they miss the curve. */
+static double fill_bent(float *to, int entries, const double *control, double low, int intervals, double factor)
 {
+    const double at[7] = {0.0, inner[0], inner[1], 1.0, 0.13, 0.5, 0.87}; /* the last three: where most is missed */
+    const double p = inner[0], q = inner[1];
     int count = tsuya_wide_intervals(intervals, entries);
+    double missed = 0.0;
     for (int k = 0; k <= count; ++k) {
-        static const double at[4] = {0.0, 0.25, 0.75, 1.0};
-        double y[4];
-        for (int i = 0; i < 4; ++i) {
+        double y[7];
+        for (int i = 0; i < 7; ++i) {
             double bent = low + (0.5 * M_PI - low) * fmin((k + at[i]) / count, 1.0);
             y[i] = factor * value_at(control, copysign(straightened(fabs(bent)), bent), low, intervals) - (i > 0 ? y[0] : 0.0);
         }
-        double a = 8.0 * y[1] - 8.0 / 3.0 * y[2] + y[3], b = (64.0 * y[1] - y[3] - 15.0 * a) / 3.0;
+        double near = (y[2] / q - y[1] / p) / (q - p), far = (y[3] - y[2] / q) / (1.0 - q);
+        double c = (far - near) / (1.0 - p), b = near - c * (p + q), a = y[3] - b - c;
+        for (int i = 4; i < 7 && k < count; ++i) {
+            missed = fmax(missed, fabs(at[i] * (a + at[i] * (b + at[i] * c)) - y[i]));
+        }
         to[k] = (float)y[0];
         to[entries + k] = (float)a;
         to[2 * entries + k] = (float)b;
-        to[3 * entries + k] = (float)(y[3] - a - b);
+        to[3 * entries + k] = (float)c;
     }
+    return missed;
 }
 
 /* The cubics of a periodic curve's intervals. */
@@ -153,20 +164,35 @@ static bool is_level(const tsuya_sheen *s, int term)
     return high - low <= 1e-7 * fmax(fabs(low), fabs(high));
 }
 
-static void fill_wide(const tsuya_sheen *s)
+static const double *factor_of(const tsuya_sheen *s, int factor, int term) { return s->factor[factor] + term * tsuya_sheen_factor_size(s, factor); }
+
+static double largest_of(const tsuya_sheen *s, int factor, int term) { return largest_size(factor_of(s, factor, term), tsuya_sheen_factor_size(s, factor)); }
+
+/* The tables of one term; returns by how much its product may be missed where its tint is largest. */
+static double fill_term(const tsuya_sheen *s, int r)
 {
+    float *round = s->wide + tsuya_wide_term(r), *tilt = round + 4 * TSUYA_WIDE_ROUND, *deep = tilt + 4 * TSUYA_WIDE_TILT;
+    const double *over_d = factor_of(s, TSUYA_SHEEN_DEEP, r), *over_phi = factor_of(s, TSUYA_SHEEN_ROUND, r);
+    bool level = r < s->level_terms;
+    double factor = (s->nd > 0 ? 1.0 : over_d[0]) * (level ? over_phi[0] : 1.0), missed;
+    fill_round(round, TSUYA_WIDE_ROUND, over_phi, s->nu);
+    missed = fill_bent(tilt, tsuya_wide_tilt(s), factor_of(s, TSUYA_SHEEN_TILT, r), 0.0, s->nv, factor);
+    if (s->nd > 0) {
+        missed *= largest_of(s, TSUYA_SHEEN_DEEP, r);
+        missed += fill_bent(deep, TSUYA_WIDE_DEEP, over_d, 0.0, s->nd, 1.0) * fabs(factor) * largest_of(s, TSUYA_SHEEN_TILT, r);
+    }
+    return missed * (level ? 1.0 : largest_of(s, TSUYA_SHEEN_ROUND, r)) * largest_of(s, TSUYA_SHEEN_TINT, r);
+}
+
+/* Returns a bound of what the tables miss of any logarithm, natural as it is relative to a value. */
+static double fill_wide(const tsuya_sheen *s)
+{
+    double missed[TSUYA_SHEEN_CURVES], surface = 0.0;
     for (int curve = 0; curve < TSUYA_SHEEN_CURVES; ++curve) {
-        fill_bent(s->wide + 4 * curve * TSUYA_WIDE_CURVE, TSUYA_WIDE_CURVE, s->curve[curve], -0.5 * M_PI, s->spans, log2_e);
+        missed[curve] = fill_bent(s->wide + 4 * curve * TSUYA_WIDE_CURVE, TSUYA_WIDE_CURVE, s->curve[curve], -0.5 * M_PI, s->spans, log2_e) / log2_e;
     }
     for (int r = 0; r < s->terms; ++r) {
-        float *round = s->wide + tsuya_wide_term(r), *tilt = round + 4 * TSUYA_WIDE_ROUND, *deep = tilt + 4 * TSUYA_WIDE_TILT;
-        const double *over_d = s->factor[TSUYA_SHEEN_DEEP] + r * tsuya_sheen_layers(s);
-        double factor = (s->nd > 0 ? 1.0 : over_d[0]) * (r < s->level_terms ? s->factor[TSUYA_SHEEN_ROUND][r * s->nu] : 1.0);
-        fill_round(round, TSUYA_WIDE_ROUND, s->factor[TSUYA_SHEEN_ROUND] + r * s->nu, s->nu);
-        fill_bent(tilt, tsuya_wide_tilt(s), s->factor[TSUYA_SHEEN_TILT] + r * (s->nv + 3), 0.0, s->nv, factor);
-        if (s->nd > 0) {
-            fill_bent(deep, TSUYA_WIDE_DEEP, over_d, 0.0, s->nd, 1.0);
-        }
+        surface += fill_term(s, r);
     }
     for (int c = 0; c < s->channels; ++c) {
         float *to = s->wide + tsuya_wide_channel(s, c);
@@ -177,6 +203,7 @@ static void fill_wide(const tsuya_sheen *s)
         to[TSUYA_WIDE_WEFT] = (float)s->strength[1][c];
         to[TSUYA_WIDE_MATTE] = (float)s->matte[c];
     }
+    return surface + fmax(missed[TSUYA_SHEEN_WARP_ALONG] + missed[TSUYA_SHEEN_WARP_ACROSS], missed[TSUYA_SHEEN_WEFT_ALONG] + missed[TSUYA_SHEEN_WEFT_ACROSS]);
 }
 
 tsuya_status tsuya_sheen_tables(tsuya_sheen *s)
@@ -193,7 +220,10 @@ tsuya_status tsuya_sheen_tables(tsuya_sheen *s)
     fill_rows(s);
     if (fits(s) && tsuya_sheen_wide_here()) {
         TSUYA_NEW(status, s->wide, wide_floats(s));
-        fill_wide(s);
+        if (fill_wide(s) > most_missed) { /* curves that break off within an interval: the rows have them exactly */
+            tsuya_free(s->wide);
+            s->wide = NULL;
+        }
     }
 done:
     return status;
