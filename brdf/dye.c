@@ -97,24 +97,39 @@ static inline float cell_value(const float *restrict plane, int side, int channe
     return low + g.b * (high - low);
 }
 
-TSUYA_CLONES("avx512f", "avx2", "default") static void
-add_plane(const tsuya_albedo_table *table, int channel, float scale, const tsuya_direction_batch *d, float *restrict value)
+enum { BLOCK = 256 }; /* a multiple of 8 */
+
+/* Where the directions of a block lie on the grid. */
+typedef struct places { int index[BLOCK]; float a[BLOCK], b[BLOCK]; } places;
+
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
+locate(places *restrict p, int side, const float *restrict x, const float *restrict y, const float *restrict z, int count)
 {
-    const float *restrict plane = table->value + channel;
-    const float *restrict ix = d->wi_x, *restrict iy = d->wi_y, *restrict iz = d->wi_z;
-    const float *restrict ox = d->wo_x, *restrict oy = d->wo_y, *restrict oz = d->wo_z;
-    int side = table->side, channels = table->channels;
 #pragma omp simd
-    for (int k = 0; k < d->count; ++k) {
-        float zi = iz[k] > 0.0f ? iz[k] : 1.0f, zo = oz[k] > 0.0f ? oz[k] : 1.0f;
-        float ai = cell_value(plane, side, channels, cell_of(side, ix[k], iy[k], zi));
-        float ao = cell_value(plane, side, channels, cell_of(side, ox[k], oy[k], zo));
-        float ri = 1.0f - 1.003f * ai, ro = 1.0f - 1.003f * ao;
-        value[k] += scale * (ri > 0.0f ? ri : 0.0f) * (ro > 0.0f ? ro : 0.0f);
+    for (int k = 0; k < count; ++k) {
+        grid_cell g = cell_of(side, x[k], y[k], z[k] > 0.0f ? z[k] : 1.0f);
+        p->index[k] = g.index;
+        p->a[k] = g.a;
+        p->b[k] = g.b;
     }
 }
 
-enum { LIMIT_BLOCK = 256 }; /* a multiple of 8 */
+static inline float rest_at(const float *restrict plane, int side, int channels, const places *restrict p, int k)
+{
+    float rest = 1.0f - 1.003f * cell_value(plane, side, channels, (grid_cell){p->index[k], p->a[k], p->b[k]});
+    return rest > 0.0f ? rest : 0.0f;
+}
+
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
+add_plane(const tsuya_albedo_table *table, int channel, float scale, const places *restrict wi, const places *restrict wo, int count, float *restrict value)
+{
+    const float *restrict plane = table->value + channel;
+    int side = table->side, channels = table->channels;
+#pragma omp simd
+    for (int k = 0; k < count; ++k) {
+        value[k] += scale * rest_at(plane, side, channels, wi, k) * rest_at(plane, side, channels, wo, k);
+    }
+}
 
 /* factor[k] = share · s(wi) s(wo). */
 TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
@@ -165,7 +180,7 @@ mark_low(unsigned char *restrict low, const float *restrict iz, const float *res
 /* Their numbers within a block, with room for one more; most are skipped eight at a time. */
 static int find_low(short *low, const float *iz, const float *oz, int count, float level_above)
 {
-    unsigned char mark[LIMIT_BLOCK] = {0};
+    unsigned char mark[BLOCK] = {0};
     int found = 0;
     mark_low(mark, iz, oz, count, level_above);
     for (int k = 0; k < count; k += 8) {
@@ -182,8 +197,8 @@ static int find_low(short *low, const float *iz, const float *oz, int count, flo
 /* A block's pairs that are low, side by side, under their own factors; and what all have in common. */
 static void limit_some(const tsuya_albedo_table *limit, int channels, const tsuya_direction_batch *d, int from, int count, float *value)
 {
-    short low[LIMIT_BLOCK + 1];
-    float w[6][LIMIT_BLOCK], factor[LIMIT_BLOCK], common = limit->value[0] * limit->value[0];
+    short low[BLOCK + 1];
+    float w[6][BLOCK], factor[BLOCK], common = limit->value[0] * limit->value[0];
     int found = find_low(low, d->wi_z + from, d->wo_z + from, count, limit->level_above);
     const float *const own[6] = {d->wi_x, d->wi_y, d->wi_z, d->wo_x, d->wo_y, d->wo_z};
     const tsuya_direction_batch some = {found, w[0], w[1], w[2], w[3], w[4], w[5]};
@@ -206,16 +221,22 @@ static void limit_some(const tsuya_albedo_table *limit, int channels, const tsuy
 
 void tsuya_limit_batch(const tsuya_albedo_table *limit, int channels, const tsuya_direction_batch *d, float *value)
 {
-    for (int from = 0; from < d->count; from += LIMIT_BLOCK) {
-        limit_some(limit, channels, d, from, d->count - from < LIMIT_BLOCK ? d->count - from : LIMIT_BLOCK, value);
+    for (int from = 0; from < d->count; from += BLOCK) {
+        limit_some(limit, channels, d, from, d->count - from < BLOCK ? d->count - from : BLOCK, value);
     }
 }
 
-void tsuya_dye_add_batch(const tsuya_albedo_table *table, const double *dye, const tsuya_direction_batch *batch, float *value)
+void tsuya_dye_add_batch(const tsuya_albedo_table *table, const double *dye, const tsuya_direction_batch *d, float *value)
 {
-    for (int c = 0; c < table->channels; ++c) {
-        if (dye[c] > 0.0) {
-            add_plane(table, c, (float)(dye[c] * table->inverse_rest[c]), batch, value + (size_t)c * (size_t)batch->count);
+    places wi, wo;
+    for (int from = 0; from < d->count; from += BLOCK) {
+        int count = d->count - from < BLOCK ? d->count - from : BLOCK;
+        locate(&wi, table->side, d->wi_x + from, d->wi_y + from, d->wi_z + from, count);
+        locate(&wo, table->side, d->wo_x + from, d->wo_y + from, d->wo_z + from, count);
+        for (int c = 0; c < table->channels; ++c) {
+            if (dye[c] > 0.0) {
+                add_plane(table, c, (float)(dye[c] * table->inverse_rest[c]), &wi, &wo, count, value + (size_t)c * (size_t)d->count + from);
+            }
         }
     }
 }
