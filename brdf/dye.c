@@ -7,7 +7,7 @@
 #include <stdint.h>
 #include <string.h>
 
-enum { MEAN_SIDE = 256 };
+enum { MEAN_SIDE = 256, ABREAST = 4 }; /* ABREAST: channels that batches take at a time */
 
 /* r̄ of the table as it is interpolated, so that base integrates to r exactly. */
 void tsuya_albedo_table_fill_mean(tsuya_albedo_table *t)
@@ -34,7 +34,7 @@ tsuya_status tsuya_albedo_table_create(tsuya_albedo_table **table, int side, int
     t->channels = channels;
     t->side = side;
     t->level_above = INFINITY;
-    TSUYA_NEW(status, t->value, (size_t)t->side * (size_t)t->side * (size_t)channels);
+    TSUYA_NEW(status, t->value, (size_t)t->side * (size_t)t->side * (size_t)channels + ABREAST); /* the last channels are read with what follows */
     TSUYA_NEW(status, t->inverse_rest, (size_t)channels);
     *table = t;
     return TSUYA_OK;
@@ -55,7 +55,7 @@ void tsuya_albedo_table_free(tsuya_albedo_table *table)
 size_t tsuya_albedo_table_bytes(const tsuya_albedo_table *table)
 {
     size_t c = (size_t)table->channels;
-    return sizeof *table + (size_t)table->side * (size_t)table->side * c * sizeof(float) + c * sizeof(double);
+    return sizeof *table + ((size_t)table->side * (size_t)table->side * c + ABREAST) * sizeof(float) + c * sizeof(double);
 }
 
 void tsuya_albedo_table_eval(const tsuya_albedo_table *table, tsuya_vec3 w, double *value)
@@ -114,20 +114,28 @@ locate(places *restrict p, int side, const float *restrict x, const float *restr
     }
 }
 
-static inline float rest_at(const float *restrict plane, int side, int channels, const places *restrict p, int k)
+typedef float four __attribute__((vector_size(ABREAST * sizeof(float)), aligned(sizeof(float))));
+typedef int fours __attribute__((vector_size(ABREAST * sizeof(int)), aligned(sizeof(int))));
+
+static inline __attribute__((always_inline)) four rest_at(const float *table, int side, int channels, const places *p, int k)
 {
-    float rest = 1.0f - 1.003f * cell_value(plane, side, channels, (grid_cell){p->index[k], p->a[k], p->b[k]});
-    return rest > 0.0f ? rest : 0.0f;
+    const float *low = table + p->index[k] * channels, *high = low + side * channels;
+    four below = *(const four *)low, above = *(const four *)high;
+    below += p->a[k] * (*(const four *)(low + channels) - below);
+    above += p->a[k] * (*(const four *)(high + channels) - above);
+    four rest = 1.0f - 1.003f * (below + p->b[k] * (above - below));
+    return (four)((fours)rest & (fours)(rest > 0.0f)); /* at least 0 */
 }
 
-TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
-add_plane(const tsuya_albedo_table *table, int channel, float scale, const places *restrict wi, const places *restrict wo, int count, float *restrict value)
+TSUYA_CLONES("arch=x86-64-v3", "default") static void
+add_base(float *const to[ABREAST], const tsuya_albedo_table *table, int channel, four scale, const places *wi, const places *wo, int count)
 {
-    const float *restrict plane = table->value + channel;
-    int side = table->side, channels = table->channels;
-#pragma omp simd
+    const float *from = table->value + channel;
     for (int k = 0; k < count; ++k) {
-        value[k] += scale * rest_at(plane, side, channels, wi, k) * rest_at(plane, side, channels, wo, k);
+        four f = scale * rest_at(from, table->side, table->channels, wi, k) * rest_at(from, table->side, table->channels, wo, k);
+        for (int c = 0; c < ABREAST; ++c) {
+            to[c][k] += f[c];
+        }
     }
 }
 
@@ -229,14 +237,20 @@ void tsuya_limit_batch(const tsuya_albedo_table *limit, int channels, const tsuy
 void tsuya_dye_add_batch(const tsuya_albedo_table *table, const double *dye, const tsuya_direction_batch *d, float *value)
 {
     places wi, wo;
+    float none[BLOCK] = {0}; /* for channels beyond the last */
     for (int from = 0; from < d->count; from += BLOCK) {
         int count = d->count - from < BLOCK ? d->count - from : BLOCK;
         locate(&wi, table->side, d->wi_x + from, d->wi_y + from, d->wi_z + from, count);
         locate(&wo, table->side, d->wo_x + from, d->wo_y + from, d->wo_z + from, count);
-        for (int c = 0; c < table->channels; ++c) {
-            if (dye[c] > 0.0) {
-                add_plane(table, c, (float)(dye[c] * table->inverse_rest[c]), &wi, &wo, count, value + (size_t)c * (size_t)d->count + from);
+        for (int c = 0; c < table->channels; c += ABREAST) {
+            float *to[ABREAST];
+            four scale = {0};
+            for (int k = 0; k < ABREAST; ++k) {
+                bool there = c + k < table->channels;
+                to[k] = there ? value + (size_t)(c + k) * (size_t)d->count + from : none;
+                scale[k] = there ? (float)(dye[c + k] * table->inverse_rest[c + k]) : 0.0f;
             }
+            add_base(to, table, c, scale, &wi, &wo, count);
         }
     }
 }
