@@ -5,9 +5,9 @@
 #include "core/color.h"
 #include "core/context.h"
 #include "core/memory.h"
+#include "core/order.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 enum { PAIRS = 4000 };
@@ -44,12 +44,6 @@ static tsuya_lab lab_of(const double *value, const double *nm, int channels)
     return tsuya_lab_from_rgb((tsuya_vec3){M_PI * rgb[0], M_PI * rgb[1], M_PI * rgb[2]});
 }
 
-static int ascending(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 tsuya_status tsuya_export_measure(tsuya_export_loss *loss, const tsuya_material *m, tsuya_export_reader reader, const void *user)
 {
     tsuya_samples s = {0};
@@ -71,7 +65,7 @@ tsuya_status tsuya_export_measure(tsuya_export_loss *loss, const tsuya_material 
         difference[k] = tsuya_color_difference(lab_of(truth, spectral ? nm : NULL, n), lab_of(read, spectral ? nm : NULL, n));
     }
     loss->cbrt = tsuya_samples_error(&s, seen, -1).cbrt;
-    qsort(difference, PAIRS, sizeof *difference, ascending);
+    tsuya_sort_doubles(difference, PAIRS);
     loss->de00_median = difference[PAIRS / 2];
     loss->de00_p95 = difference[PAIRS * 19 / 20];
 done:

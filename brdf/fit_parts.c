@@ -3,14 +3,12 @@
 #include "brdf/sheen.h"
 #include "core/context.h"
 #include "core/memory.h"
+#include "core/order.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 /* Groups are whole tenths of a degree: finer differences are the bench's own scatter. */
 static int tenths(double rad) { return (int)lround(tsuya_deg_from_rad(rad) * 10.0); }
-
-static int ascending(const void *a, const void *b) { return *(const int *)a - *(const int *)b; }
 
 /* Rank of every key among the different keys; returns how many there are. */
 static tsuya_status rank_keys(int *rank, int *groups, const int *key, int count)
@@ -20,14 +18,14 @@ static tsuya_status rank_keys(int *rank, int *groups, const int *key, int count)
         return TSUYA_ERROR_MEMORY;
     }
     memcpy(sorted, key, (size_t)count * sizeof *sorted);
-    qsort(sorted, (size_t)count, sizeof *sorted, ascending);
+    tsuya_sort_ints(sorted, (size_t)count);
     for (int k = 0; k < count; ++k) {
         if (k == 0 || sorted[k] != sorted[unique - 1]) {
             sorted[unique++] = sorted[k];
         }
     }
     for (int k = 0; k < count; ++k) {
-        rank[k] = (int)((int *)bsearch(&key[k], sorted, (size_t)unique, sizeof *sorted, ascending) - sorted);
+        rank[k] = (int)tsuya_rank_of_int(sorted, (size_t)unique, key[k]);
     }
     *groups = unique;
     tsuya_free(sorted);

@@ -2,6 +2,7 @@
 #include "brdf/gather_parts.h"
 
 #include "core/memory.h"
+#include "core/order.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -33,12 +34,6 @@ static int by_place(const void *a, const void *b)
     return x->patch < y->patch ? -1 : x->patch > y->patch;
 }
 
-static int compare_float(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
 static double reading_of(const solve *s, const gather_reading *r, int c)
 {
     return (double)r->value[c] - s->mean[c] * (double)r->other[c];
@@ -55,7 +50,7 @@ static tsuya_status take_rest(solve *s)
             for (size_t i = 0; i < s->count; i++) {
                 list[i] = (float)reading_of(s, &s->reading[i], c);
             }
-            qsort(list, s->count, sizeof *list, compare_float);
+            tsuya_sort_floats(list, s->count);
             s->mean[c] = fmax(0.0, (double)list[s->count / 2]);
         }
     }
