@@ -12,11 +12,16 @@ typedef float pairs __attribute__((vector_size(8 * sizeof(float)), aligned(4)));
 
 /* Angles of one block as places on the knots, and what multiplies S. */
 typedef struct block {
-    float t[BLOCK], b[BLOCK], u[BLOCK], v[BLOCK], d[BLOCK]; /* places: ψt, ψb, φh, θh, θd in intervals; then fractions of one */
-    int iu[BLOCK], iv[BLOCK], id[BLOCK];                    /* and which */
+    float t[BLOCK], b[BLOCK], u[BLOCK], v[BLOCK], d[BLOCK]; /* places: ψt, ψb, φh, θh, θd in intervals; of ψ, then fractions of one */
     float warp[BLOCK], weft[BLOCK], falloff[BLOCK];         /* warp, weft: logarithms first; falloff: 0 where nothing is seen */
     float gloss[BLOCK];                                     /* what Fresnel's term adds, the same in every channel */
 } block;
+
+/* Where a block's places lie among the rows of one curve of all terms. */
+typedef struct window {
+    int at[BLOCK];
+    float weight[4][BLOCK];
+} window;
 
 /* Interval of a place, clamped to [0, intervals − 1]. */
 static inline int interval_of(float place, int intervals)
@@ -127,55 +132,64 @@ block_gloss(block *restrict b, const tsuya_sheen *s, const tsuya_direction_batch
     }
 }
 
-static void block_net_windows(block *b, const tsuya_sheen *s, int count)
+/* Windows of the net's places, and the four weights of the cubic there. */
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
+block_weights(window *restrict w, const float *restrict place, int intervals, int count)
 {
+#pragma omp simd
     for (int k = 0; k < count; ++k) {
-        b->iu[k] = interval_of(b->u[k], s->nu);
-        b->iv[k] = interval_of(b->v[k], s->nv);
-        b->u[k] -= (float)b->iu[k];
-        b->v[k] -= (float)b->iv[k];
-    }
-    for (int k = 0; k < count && s->nd > 0; ++k) {
-        b->id[k] = interval_of(b->d[k], s->nd);
-        b->d[k] -= (float)b->id[k];
+        int at = interval_of(place[k], intervals);
+        float t = place[k] - (float)at, s = 1.0f - t, tt = t * t * (1.0f / 6.0f), ss = s * s * (1.0f / 6.0f);
+        w->at[k] = at * TSUYA_SHEEN_TERMS;
+        w->weight[0][k] = ss * s;
+        w->weight[1][k] = 2.0f / 3.0f + tt * (3.0f * t - 6.0f);
+        w->weight[2][k] = 2.0f / 3.0f + ss * (3.0f * s - 6.0f);
+        w->weight[3][k] = tt * t;
     }
 }
 
 /* Four rows of all terms under the weights of a cubic. */
-static inline __attribute__((always_inline)) void multiply_row(pairs *product, const float *rows, int interval, float t)
+static inline __attribute__((always_inline)) void multiply_row(pairs *product, const float *rows, const window *w, int k)
 {
-    const float *p = rows + interval * TSUYA_SHEEN_TERMS;
-    float s = 1.0f - t, tt = t * t * (1.0f / 6.0f), ss = s * s * (1.0f / 6.0f);
-    pairs near = *(const pairs *)p * (ss * s) + *(const pairs *)(p + 8) * (2.0f / 3.0f + tt * (3.0f * t - 6.0f));
-    *product *= near + *(const pairs *)(p + 16) * (2.0f / 3.0f + ss * (3.0f * s - 6.0f)) + *(const pairs *)(p + 24) * (tt * t);
+    const float *p = rows + w->at[k];
+    *product *= (*(const pairs *)p * w->weight[0][k] + *(const pairs *)(p + 8) * w->weight[1][k]) +
+                (*(const pairs *)(p + 16) * w->weight[2][k] + *(const pairs *)(p + 24) * w->weight[3][k]);
 }
 
-/* The products of the terms' curves, one row a direction. */
+/* The products of the terms' curves. */
 TSUYA_CLONES("arch=x86-64-v3", "default") static void
-block_terms(pairs *restrict term, const block *restrict b, const tsuya_sheen *s, int count)
+block_terms(float term[TSUYA_SHEEN_TERMS][BLOCK], const window *u, const window *v, const window *d, const tsuya_sheen *s, int count)
 {
     const tsuya_sheen_rows rows = tsuya_sheen_rows_of(s);
     const pairs ones = {1, 1, 1, 1, 1, 1, 1, 1}, first = s->nd > 0 ? ones : *(const pairs *)rows.deep;
+    float row[BLOCK][TSUYA_SHEEN_TERMS]; /* of a direction */
     for (int k = 0; k < count; ++k) {
         pairs product = first;
-        multiply_row(&product, rows.round, b->iu[k], b->u[k]);
-        multiply_row(&product, rows.tilt, b->iv[k], b->v[k]);
+        multiply_row(&product, rows.round, u, k);
+        multiply_row(&product, rows.tilt, v, k);
         if (s->nd > 0) {
-            multiply_row(&product, rows.deep, b->id[k], b->d[k]);
+            multiply_row(&product, rows.deep, d, k);
         }
-        term[k] = product;
+        *(pairs *)row[k] = product;
+    }
+    for (int k = 0; k < count; ++k) {
+        for (int r = 0; r < TSUYA_SHEEN_TERMS; ++r) {
+            term[r][k] = row[k][r];
+        }
     }
 }
 
 /* S of one channel. */
-TSUYA_CLONES("arch=x86-64-v3", "default") static void
-block_surface(float *restrict log_value, const pairs *restrict term, const tsuya_sheen *s, int channel, int count)
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
+block_surface(float *restrict log_value, float term[TSUYA_SHEEN_TERMS][BLOCK], const tsuya_sheen *s, int channel, int count)
 {
-    const pairs tint = *(const pairs *)(tsuya_sheen_rows_of(s).tint + channel * TSUYA_SHEEN_TERMS);
+    const float *tint = tsuya_sheen_rows_of(s).tint + channel * TSUYA_SHEEN_TERMS;
+    float a[TSUYA_SHEEN_TERMS];
+    memcpy(a, tint, sizeof a);
+#pragma omp simd
     for (int k = 0; k < count; ++k) {
-        pairs p = term[k] * tint;
-        lanes four = __builtin_shufflevector(p, p, 0, 1, 2, 3) + __builtin_shufflevector(p, p, 4, 5, 6, 7);
-        log_value[k] = (four[0] + four[2]) + (four[1] + four[3]);
+        log_value[k] = ((a[0] * term[0][k] + a[1] * term[1][k]) + (a[2] * term[2][k] + a[3] * term[3][k])) +
+                       ((a[4] * term[4][k] + a[5] * term[5][k]) + (a[6] * term[6][k] + a[7] * term[7][k]));
     }
 }
 
@@ -203,8 +217,8 @@ block_values_alone(float *restrict value, const block *b, float warp, float weft
 void tsuya_sheen_eval_rows(const tsuya_sheen *s, int channels, const tsuya_direction_batch *batch, float *value)
 {
     block b;
-    pairs term[BLOCK];
-    float log_value[BLOCK];
+    window u, v, d;
+    float term[TSUYA_SHEEN_TERMS][BLOCK], log_value[BLOCK];
     for (int from = 0; from < batch->count; from += BLOCK) {
         int count = batch->count - from < BLOCK ? batch->count - from : BLOCK;
         block_yarn_angles(&b, s, batch, from, count);
@@ -216,8 +230,12 @@ void tsuya_sheen_eval_rows(const tsuya_sheen *s, int channels, const tsuya_direc
         }
         if (s->terms > 0) {
             block_net_angles(&b, s, batch, from, count);
-            block_net_windows(&b, s, count);
-            block_terms(term, &b, s, count);
+            block_weights(&u, b.u, s->nu, count);
+            block_weights(&v, b.v, s->nv, count);
+            if (s->nd > 0) {
+                block_weights(&d, b.d, s->nd, count);
+            }
+            block_terms(term, &u, &v, &d, s, count);
         }
         for (int c = 0; c < channels; ++c) {
             float *to = value + (size_t)c * (size_t)batch->count + from;
