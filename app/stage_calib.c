@@ -7,14 +7,6 @@ const char *tsuya_stage_camera_model(const tsuya_job *job)
     return job->camera.board ? tsuya_job_path(job, "calib/camera.cameramodel") : job->camera.model;
 }
 
-/* The job's next stage hands the camera to COLMAP. */
-static tsuya_calibrate_options stage_options(void)
-{
-    tsuya_calibrate_options options = tsuya_calibrate_options_default();
-    options.largest = TSUYA_LENS_OPENCV8;
-    return options;
-}
-
 tsuya_status tsuya_stage_calib_plan(tsuya_stage_plan *plan, const tsuya_stage_run *run)
 {
     const tsuya_job *job = run->job;
@@ -24,8 +16,9 @@ tsuya_status tsuya_stage_calib_plan(tsuya_stage_plan *plan, const tsuya_stage_ru
     }
     TSUYA_TRY(tsuya_stage_input(plan, "board", job->camera.board));
     TSUYA_TRY(tsuya_stage_input(plan, "photos", job->camera.photos));
-    tsuya_json_set_number(plan->options, "tolerance_px", stage_options().tolerance_px);
-    tsuya_json_set_text(plan->options, "largest", tsuya_lens_name(stage_options().largest));
+    tsuya_calibrate_options options = tsuya_calibrate_options_default();
+    tsuya_json_set_number(plan->options, "tolerance_px", options.tolerance_px);
+    tsuya_json_set_text(plan->options, "largest", tsuya_lens_name(options.largest));
     tsuya_stage_output(plan, "calib/camera.cameramodel");
     tsuya_stage_output(plan, "calib/calib.json");
     tsuya_stage_output(plan, "calib/corners.vnl");
@@ -38,6 +31,6 @@ tsuya_status tsuya_stage_calib_run(const tsuya_stage_run *run)
     const tsuya_job *job = run->job;
     tsuya_calib_input input = {.board = job->camera.board, .photos = &job->camera.photos, .photo_count = 1,
                                .folder = tsuya_job_path(job, "calib"), .model = tsuya_stage_camera_model(job),
-                               .options = stage_options()};
+                               .options = tsuya_calibrate_options_default()};
     return input.folder && input.model ? tsuya_calib_run(run->figures, &input, run->context) : TSUYA_ERROR_MEMORY;
 }

@@ -4,6 +4,7 @@
 
 #include "core/camera.h"
 #include "core/file.h"
+#include "reconstruct/reconstruct.h"
 #include "render/render.h"
 #include "render/views.h"
 
@@ -254,7 +255,7 @@ static tsuya_status upright(tsuya_vec3 *up, const tsuya_job *job, const tsuya_sp
 tsuya_status tsuya_stage_render_run(const tsuya_stage_run *run)
 {
     const tsuya_job *job = run->job;
-    const char *folder = tsuya_job_path(job, "reconstruct/sparse/0");
+    const char *folder = tsuya_job_path(job, "reconstruct");
     tsuya_sparse_model model;
     tsuya_render_info total = {0};
     common_look look = {.threads_seen = saw_threads(job)};
@@ -262,7 +263,7 @@ tsuya_status tsuya_stage_render_run(const tsuya_stage_run *run)
     if (!folder) {
         return TSUYA_ERROR_MEMORY;
     }
-    TSUYA_TRY(tsuya_sparse_model_load(&model, folder));
+    TSUYA_TRY(tsuya_reconstruct_cameras(&model, folder, tsuya_stage_camera_model(job), job->poses));
     tsuya_status status = upright(&up, job, &model);
     bool worn = false;
     for (int i = 0; i < job->render.count; i++) {

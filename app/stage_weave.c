@@ -5,6 +5,7 @@
 #include "core/camera.h"
 #include "core/file.h"
 #include "core/raster.h"
+#include "reconstruct/reconstruct.h"
 #include "weave_detect/mesh_field.h"
 #include "weave_detect/patches.h"
 
@@ -176,7 +177,7 @@ static void tell_shares(tsuya_json *figures, const tsuya_mesh *mesh, const tsuya
 static tsuya_status assign_materials(tsuya_mesh *mesh, const tsuya_stage_run *run)
 {
     const tsuya_job *job = run->job;
-    const char *folder = tsuya_job_path(job, "reconstruct/sparse/0");
+    const char *folder = tsuya_job_path(job, "reconstruct");
     tsuya_sparse_model model;
     tsuya_region_mask *masks;
     int count;
@@ -187,7 +188,7 @@ static tsuya_status assign_materials(tsuya_mesh *mesh, const tsuya_stage_run *ru
     if (!folder) {
         return TSUYA_ERROR_MEMORY;
     }
-    TSUYA_TRY(tsuya_sparse_model_load(&model, folder));
+    TSUYA_TRY(tsuya_reconstruct_cameras(&model, folder, tsuya_stage_camera_model(job), job->poses));
     tsuya_status status = list_masks(&masks, &count, job, &model);
     if (status == TSUYA_OK) {
         status = tsuya_regions_vote(mesh, &model, masks, count, rest, run->context);

@@ -4,6 +4,7 @@
 #include "reconstruct/background.h"
 #include "reconstruct/color.h"
 #include "reconstruct/fusion.h"
+#include "reconstruct/pinhole.h"
 #include "reconstruct/silhouette.h"
 #include "reconstruct/sparse_steps.h"
 #include "reconstruct/stereo.h"
@@ -165,7 +166,7 @@ static double figure(const tsuya_reconstruction *r, const char *step, const char
     return tsuya_json_number_or(tsuya_json_member(tsuya_step_figures(&r->steps, step), name), fallback);
 }
 
-/* Where no masks are given and the background stands still, masks of it; `own`, a copy of the options, names them. */
+/* Where no masks are given and the background stands still, masks of it; `own` names them. */
 static tsuya_status background(tsuya_reconstruction *r, tsuya_reconstruct_options *own)
 {
     const char *folder = tsuya_reconstruction_path(r, "background");
@@ -188,11 +189,54 @@ static tsuya_status background(tsuya_reconstruction *r, tsuya_reconstruct_option
     }
     if (figure(r, "background", "found", 0.0) > 0.0) {
         own->masks = folder;
-        r->options = own;
         tsuya_photo_set_free(&r->photos);
         return tsuya_photo_set_load(&r->photos, own->photos, folder);
     }
     return TSUYA_OK;
+}
+
+/* Photographs through a lens that COLMAP lacks go in as a pinhole sees them; `own`, a copy of the options, names them, and `scale` holds what
+ * was seen in them.  Given poses have cameras of their own. */
+static tsuya_status pinhole(tsuya_reconstruction *r, tsuya_reconstruct_options *own, tsuya_scale_input *scale)
+{
+    tsuya_camera lens, camera;
+    tsuya_pinhole_info info;
+    bool needed = own->camera_model && !own->poses;
+    const char *folder = tsuya_reconstruction_path(r, "pinhole");
+    TSUYA_TRY(needed ? tsuya_reconstruction_camera(&lens, r) : TSUYA_OK);
+    if (!needed || !tsuya_pinhole_needed(&lens)) {
+        return tsuya_folder_remove(folder); /* of another camera */
+    }
+    TSUYA_TRY(tsuya_pinhole_of(&camera, &info, &lens, own->camera_model));
+    const char *model = tsuya_reconstruction_path(r, "pinhole/camera.cameramodel");
+    if (!tsuya_step_begin(&r->steps, "pinhole", "lanczos", model)) {
+        char name[TSUYA_LENS_NAME];
+        tsuya_json *figures = tsuya_json_create_object();
+        tsuya_cameramodel_lens(name, &lens);
+        tsuya_note("COLMAP has no lens model for %s: the photographs are drawn anew as a pinhole of %d x %d pixels sees them (%.0f %% of each)", name,
+                   camera.width_px, camera.height_px, 100.0 * info.kept);
+        TSUYA_TRY(tsuya_folder_remove(folder));
+        TSUYA_TRY(tsuya_folder_make(folder));
+        TSUYA_TRY(tsuya_pinhole_photos(folder, &camera, &lens, &r->photos, r->context));
+        TSUYA_TRY(tsuya_cameramodel_save(&camera, tsuya_pose_identity(), model));
+        tsuya_json_set_text(figures, "lens", name);
+        tsuya_json_set_number(figures, "width", camera.width_px);
+        tsuya_json_set_number(figures, "height", camera.height_px);
+        tsuya_json_set_number(figures, "focal_px", camera.fx_px);
+        tsuya_json_set_number(figures, "kept", info.kept);
+        tsuya_json_set_number(figures, "stretch", info.stretch);
+        tsuya_json_set_number(figures, "closure_px", info.closure_px);
+        TSUYA_TRY(close_step(r, figures));
+    }
+    if (own->scale) {
+        TSUYA_TRY(tsuya_pinhole_sightings(scale, own->scale, &camera, &lens, r->arena));
+        own->scale = scale;
+    }
+    own->photos = tsuya_reconstruction_path(r, "pinhole/photos");
+    own->masks = own->masks ? tsuya_reconstruction_path(r, "pinhole/masks") : NULL;
+    own->camera_model = model;
+    tsuya_photo_set_free(&r->photos);
+    return tsuya_photo_set_load(&r->photos, own->photos, own->masks);
 }
 
 static tsuya_status stereo(tsuya_reconstruction *r)
@@ -311,7 +355,7 @@ static double dense_seconds(const tsuya_reconstruction *r)
 static tsuya_status collect(tsuya_reconstruction *r)
 {
     tsuya_reconstruct_info *info = r->info;
-    static const char *const PARTS[] = {"background", "matching", "mapping", "scale", "stereo", "fusion", "surface", "color"};
+    static const char *const PARTS[] = {"pinhole", "background", "matching", "mapping", "scale", "stereo", "fusion", "surface", "color"};
     if (!(info->parts = tsuya_json_create_object())) {
         return TSUYA_ERROR_MEMORY;
     }
@@ -351,8 +395,9 @@ static tsuya_status collect(tsuya_reconstruction *r)
 tsuya_status tsuya_reconstruct(tsuya_reconstruct_info *info, const tsuya_reconstruct_options *options, const tsuya_context *context)
 {
     double start = tsuya_clock_s();
-    tsuya_reconstruction r = {.options = options, .context = context, .info = info};
     tsuya_reconstruct_options own = *options;
+    tsuya_reconstruction r = {.options = &own, .context = context, .info = info};
+    tsuya_scale_input scale;
     tsuya_hash inputs;
     tsuya_status status;
     *info = (tsuya_reconstruct_info){.scale_m_per_unit = NAN, .scale_rms_m = NAN, .reprojection_px = NAN, .gsd = NAN,
@@ -364,7 +409,8 @@ tsuya_status tsuya_reconstruct(tsuya_reconstruct_info *info, const tsuya_reconst
     TSUYA_GOTO_DONE(status, tsuya_folder_make(options->output));
     TSUYA_GOTO_DONE(status, hash_inputs(&inputs, options));
     TSUYA_GOTO_DONE(status, tsuya_steps_load(&r.steps, options->output, inputs));
-    TSUYA_GOTO_DONE(status, tsuya_colmap_create(&r.colmap, options->output, options->photos, context));
+    TSUYA_GOTO_DONE(status, pinhole(&r, &own, &scale));
+    TSUYA_GOTO_DONE(status, tsuya_colmap_create(&r.colmap, own.output, own.photos, context));
     snprintf(info->colmap_version, sizeof info->colmap_version, "%s", r.colmap.version);
     TSUYA_GOTO_DONE(status, background(&r, &own));
     TSUYA_GOTO_DONE(status, tsuya_sparse_steps(&r));
@@ -382,6 +428,23 @@ done:
     if (status != TSUYA_OK) {
         tsuya_reconstruct_info_free(info);
     }
+    return status;
+}
+
+tsuya_status tsuya_reconstruct_cameras(tsuya_sparse_model *model, const char *output, const char *camera_model, const char *poses)
+{
+    tsuya_camera lens;
+    tsuya_status status = TSUYA_OK;
+    *model = (tsuya_sparse_model){0};
+    char *path = tsuya_path_join(output, "sparse/0");
+    TSUYA_GOTO_DONE(status, path ? TSUYA_OK : TSUYA_ERROR_MEMORY);
+    TSUYA_GOTO_DONE(status, camera_model && !poses ? tsuya_cameramodel_load(&lens, NULL, camera_model) : TSUYA_OK);
+    TSUYA_GOTO_DONE(status, tsuya_sparse_model_load(model, path));
+    for (int c = 0; camera_model && !poses && tsuya_pinhole_needed(&lens) && c < model->camera_count; c++) {
+        model->camera[c] = lens;
+    }
+done:
+    tsuya_free(path);
     return status;
 }
 

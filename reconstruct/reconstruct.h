@@ -1,13 +1,15 @@
 /* Photographs to a mesh: COLMAP for cameras and sparse points, then our own dense stereo, fusion and surface.
  *
  * Writes into the output folder (JOB/reconstruct): database.db, sparse/0, dense/ (COLMAP's workspace), cloud.ply, mesh.ply,
- * reconstruct.json, steps.json, log/.  A finished step whose inputs are the same is passed over by a later run.
+ * reconstruct.json, steps.json, log/.  Where the camera has a lens that COLMAP lacks (OPENCV12, splined), all of this is of a pinhole, and
+ * pinhole/{photos,masks,camera.cameramodel} is what it sees (reconstruct/pinhole.h).  A finished step whose inputs are the same is passed over by a later run.
  *
  * The same input gives the same bits, for any number of threads: COLMAP extracts features in all of them, but verifies,
  * maps and triangulates in one. */
 #ifndef TSUYA_RECONSTRUCT_RECONSTRUCT_H
 #define TSUYA_RECONSTRUCT_RECONSTRUCT_H
 
+#include "core/camera.h"
 #include "core/context.h"
 #include "core/json.h"
 #include "reconstruct/scale.h"
@@ -54,6 +56,9 @@ typedef struct tsuya_reconstruct_info {
  * failing COLMAP, or no two photographs that overlap. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_reconstruct(tsuya_reconstruct_info *info, const tsuya_reconstruct_options *options,
                                                           const tsuya_context *context);
+/* sparse/0 of the output folder with the lens that the photographs themselves were taken through, where the model has a pinhole's: for all who
+ * look up the surface in the photographs.  `camera_model` and `poses` as in the options.  Observations stay those of sparse/0. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_reconstruct_cameras(tsuya_sparse_model *model, const char *output, const char *camera_model, const char *poses);
 TSUYA_API void tsuya_reconstruct_info_free(tsuya_reconstruct_info *info);
 TSUYA_API void tsuya_reconstruct_info_to_json(tsuya_json *object, const tsuya_reconstruct_info *info);
 

@@ -61,19 +61,13 @@ static tsuya_status link_masks(tsuya_reconstruction *r, const char **folder)
     return TSUYA_OK;
 }
 
-static tsuya_status load_intrinsics(tsuya_camera *camera, const tsuya_reconstruction *r)
+tsuya_status tsuya_reconstruction_camera(tsuya_camera *camera, const tsuya_reconstruction *r)
 {
     TSUYA_TRY(tsuya_cameramodel_load(camera, NULL, r->options->camera_model));
     const tsuya_photo *first = &r->photos.photo[0];
     if (camera->width_px != first->width_px || camera->height_px != first->height_px) {
         return tsuya_fail(TSUYA_ERROR_INPUT, "%s: made for %d x %d pixels, the photographs have %d x %d", r->options->camera_model,
                           camera->width_px, camera->height_px, first->width_px, first->height_px);
-    }
-    if (camera->lens > TSUYA_LENS_OPENCV8) {
-        char name[TSUYA_LENS_NAME];
-        tsuya_cameramodel_lens(name, camera);
-        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: COLMAP has no lens model for %s; one that tsuya calib camera --lens OPENCV8 makes is accepted",
-                          r->options->camera_model, name);
     }
     return TSUYA_OK;
 }
@@ -152,10 +146,9 @@ static tsuya_status features(tsuya_reconstruction *r)
     const char *masks;
     tsuya_camera camera;
     TSUYA_TRY(link_masks(r, &masks));
-    if (r->options->camera_model) {
-        TSUYA_TRY(load_intrinsics(&camera, r));
-    }
-    TSUYA_TRY(tsuya_colmap_features(&r->colmap, masks, r->options->camera_model ? &camera : NULL, lens, most));
+    const bool given = r->options->camera_model && !r->options->poses; /* poses come with their own */
+    TSUYA_TRY(given ? tsuya_reconstruction_camera(&camera, r) : TSUYA_OK);
+    TSUYA_TRY(tsuya_colmap_features(&r->colmap, masks, given ? &camera : NULL, lens, most));
     TSUYA_TRY(tsuya_database_sort_images(tsuya_reconstruction_path(r, "database.db")));
     if (r->options->poses) {
         TSUYA_TRY(adopt_poses(r, tsuya_reconstruction_path(r, "posed")));

@@ -20,6 +20,8 @@ typedef struct tsuya_reconstruction {
 
 /* OUTPUT/NAME, in the arena. */
 const char *tsuya_reconstruction_path(const tsuya_reconstruction *r, const char *name);
+/* The given camera; fails where it was made for another size than the photographs'. */
+TSUYA_MUST_CHECK tsuya_status tsuya_reconstruction_camera(tsuya_camera *camera, const tsuya_reconstruction *r);
 /* Ends the step at work with what its child processes took. */
 TSUYA_MUST_CHECK tsuya_status tsuya_reconstruction_end_step(tsuya_reconstruction *r, const tsuya_json *figures);
 TSUYA_MUST_CHECK tsuya_status tsuya_sparse_steps(tsuya_reconstruction *r);
