@@ -1,5 +1,6 @@
 #include "app/calib_run.h"
 
+#include "app/calib_drift.h"
 #include "calib/mrcal_inputs.h"
 #include "core/file.h"
 #include "core/photo.h"
@@ -160,6 +161,8 @@ static tsuya_status write_file(run *r, const char *name, tsuya_status (*write)(r
 
 static tsuya_status write_corners(run *r, const char *path) { return tsuya_corner_set_save(&r->corners, path); }
 
+static tsuya_status write_uncertainty(run *r, const char *path) { return tsuya_calib_uncertainty_save(&r->calibration, path); }
+
 static tsuya_status write_grid(run *r, const char *path) { return tsuya_corner_set_save_grid(&r->corners, &r->board, path); }
 
 static tsuya_status write_page(run *r, const char *path)
@@ -186,6 +189,7 @@ static tsuya_status write_all(run *r, tsuya_json *figures, double start_s)
     TSUYA_TRY(tsuya_cameramodel_save(&r->calibration.solve.camera, tsuya_pose_identity(), r->input->model));
     correct_corners(r);
     TSUYA_TRY(write_file(r, "corners.vnl", write_corners));
+    TSUYA_TRY(write_file(r, "uncertainty.vnl", write_uncertainty));
     if (tsuya_board_even_grid(&r->board)) {
         TSUYA_TRY(write_file(r, "corners_mrcal.vnl", write_grid));
     }

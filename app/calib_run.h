@@ -1,5 +1,5 @@
-/* What `tsuya calib camera` and the job's stage share: photographs or corners to camera.cameramodel, calib.json, corners.vnl
- * and calib.html. */
+/* What `tsuya calib camera` and the job's stage share: photographs or corners to camera.cameramodel, calib.json, corners.vnl,
+ * uncertainty.vnl and calib.html. */
 #ifndef TSUYA_APP_CALIB_RUN_H
 #define TSUYA_APP_CALIB_RUN_H
 

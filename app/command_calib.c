@@ -1,4 +1,5 @@
 /* tsuya calib camera, tsuya calib compare */
+#include "app/calib_drift.h"
 #include "app/calib_run.h"
 #include "app/command.h"
 #include "core/file.h"
@@ -77,7 +78,7 @@ static const tsuya_syntax camera_syntax = {
     .arguments = "PHOTOS...",
     .example = "tsuya calib camera --board board.yaml board-photos/ -o calib/",
     .doc = "Finds the board's tags, calibrates with mrcal, and chooses the smallest lens model that cross-validates: camera.cameramodel, calib.json, "
-           "corners.vnl, calib.html. PHOTOS is a folder or a list of files. Says what to photograph next where the camera is not known well.",
+           "corners.vnl, uncertainty.vnl, calib.html. PHOTOS is a folder or a list of files. Says what to photograph next where the camera is not known well.",
     .options = camera_options,
     .parse = parse_camera,
 };
@@ -142,40 +143,11 @@ static error_t parse_compare(int key, char *arg, struct argp_state *state)
 static const tsuya_syntax compare_syntax = {
     .arguments = "A.cameramodel B.cameramodel",
     .example = "tsuya calib compare calib/camera.cameramodel later/camera.cameramodel",
-    .doc = "Projection difference of two calibrations over the image, px, after the motion between them is taken out. Where calib.json lies beside both, "
-           "their uncertainties decide whether the camera has drifted.",
+    .doc = "Projection difference of two calibrations over the image, px, after the motion between them is taken out. Where uncertainty.vnl lies beside both, "
+           "it decides whether the camera has drifted.",
     .options = compare_options,
     .parse = parse_compare,
 };
-
-/* Uncertainty that stands in the calib.json beside a model; NaN without one. */
-static double uncertainty_beside(const char *model, bool infinity, const char *place)
-{
-    char *folder = tsuya_path_folder(model), *path = folder ? tsuya_path_join(folder, "calib.json") : NULL;
-    tsuya_json *root = NULL;
-    double value = NAN;
-    if (path && tsuya_path_exists(path) && tsuya_json_load(&root, path) == TSUYA_OK) {
-        const tsuya_json *u = tsuya_json_member(root, infinity ? "uncertainty_px_infinity" : "uncertainty_px");
-        value = tsuya_json_number_or(tsuya_json_member(u, place), NAN);
-        tsuya_json_free(root);
-    }
-    tsuya_free(path);
-    tsuya_free(folder);
-    return value;
-}
-
-static void judge_drift(tsuya_json *figures, const compare_input *input, const tsuya_projection_map *map)
-{
-    bool infinity = !isfinite(input->distance_m);
-    double a = uncertainty_beside(input->model[0], infinity, "center"), b = uncertainty_beside(input->model[1], infinity, "center");
-    double expected = hypot(a, b), center = tsuya_projection_center(map);
-    tsuya_json_set_number(figures, "uncertainty_px", expected);
-    if (isfinite(expected)) {
-        tsuya_json_set_text(figures, "drift", center > 3.0 * expected ? "yes" : "no");
-    } else {
-        tsuya_json_set_text(figures, "drift", "unknown: no calib.json beside both models");
-    }
-}
 
 /* Covered by the corners.vnl beside a model; `there` false without one. */
 static tsuya_status cover_beside(bool *there, tsuya_projection_map *map, const char *model, const tsuya_camera *camera)
@@ -264,8 +236,8 @@ static tsuya_status compare(tsuya_json *figures, const compare_input *input)
         }
         tsuya_json_set_number(figures, "rotation_deg", tsuya_deg_from_rad(tsuya_mat3_rotation_angle_rad(motion.rotation)));
         tsuya_json_set_number(figures, "translation_m", tsuya_vec3_norm(motion.translation));
-        judge_drift(figures, input, &map);
-        if (input->output) {
+        status = tsuya_calib_drift(figures, &map, input->model, camera, input->distance_m);
+        if (status == TSUYA_OK && input->output) {
             status = save_picture(input, &map, &camera[0], stats.max);
         }
     }

@@ -169,6 +169,22 @@ static double tag_means(const tsuya_solve *s)
     return sqrt(squares / count);
 }
 
+/* Mean sigma of the corners of the photographs that motion blurred, and of the others. */
+static void sigmas_by_blur(double sigma_px[2], const tsuya_corner_set *corners, const tsuya_detect_info *detected)
+{
+    int count[2] = {0, 0};
+    sigma_px[0] = sigma_px[1] = 0.0;
+    for (int i = 0; i < corners->count; i++) {
+        int blurred = detected->report[corners->corner[i].photo].blur_high_px > 1.1;
+        sigma_px[blurred] += corners->corner[i].sigma_px;
+        count[blurred]++;
+    }
+    for (int k = 0; k < 2; k++) {
+        assert_true(count[k] > 0);
+        sigma_px[k] /= count[k];
+    }
+}
+
 /* Two plates on black cloth, a phone in the hand: seven of ten photographs are blurred by motion. */
 static void test_two_boards(void **state)
 {
@@ -194,6 +210,10 @@ static void test_two_boards(void **state)
         tags += detected.report[i].tags;
     }
     printf("  %d tags, means %.3f px, %.2f +- %.2f degrees\n", tags, tag_means(&c.solve), c.plate[0].angle_deg, c.plate[0].angle_sd_deg);
+    double sigma_px[2];
+    sigmas_by_blur(sigma_px, &corners, &detected);
+    printf("  corners' sigma: %.4f px in the sharp photographs, %.4f in the blurred\n", sigma_px[0], sigma_px[1]);
+    assert_true(sigma_px[1] > 1.2 * sigma_px[0]); /* they count less, and are not dropped */
     assert_true(tag_means(&c.solve) <= 0.22);
     assert_true(tags >= 1000);
     assert_int_equal(c.photos_used, 10);
