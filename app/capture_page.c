@@ -197,7 +197,7 @@ static void write_table(tsuya_html *html, const tsuya_check *check)
         cell(html, "%.2f", p->blue_ev);
         cell(html, "%.0f", p->neighbours);
         cell(html, "%.0f", p->tags < 0 ? NAN : (double)p->tags);
-        cell(html, "%.0f", p->azimuth_deg);
+        cell(html, "%.0f", fmod(round(p->azimuth_deg), 360.0));
         cell(html, "%.0f", p->elevation_deg);
         tsuya_html_raw(html, "</tr>\n");
     }

@@ -153,6 +153,7 @@ static void set_directions(placement *p, tsuya_check *check, const tsuya_check_s
         p->from[i] = (tsuya_vec3){tsuya_vec3_dot(out, east), tsuya_vec3_dot(out, tsuya_vec3_cross(up, east)), tsuya_vec3_dot(out, up)};
         photo->azimuth_deg = tsuya_deg_from_rad(atan2(p->from[i].y, p->from[i].x));
         photo->azimuth_deg += photo->azimuth_deg < 0.0 ? 360.0 : 0.0;
+        photo->azimuth_deg = photo->azimuth_deg < 360.0 ? photo->azimuth_deg : 0.0; /* a hair below 0 rounds to 360 */
         photo->elevation_deg = tsuya_deg_from_rad(asin(fmax(-1.0, fmin(1.0, p->from[i].z))));
         check->focal_assumed += sight[i].assumed;
     }

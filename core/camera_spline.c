@@ -53,19 +53,33 @@ static int cell_of(double *t, double at, int n)
     return cell - 1;
 }
 
+/* The 4 × 4 control points that hold a place, from `first` on row by row, and their B-splines there. */
+typedef struct cell {
+    int first;
+    double bx[4], by[4], dx[4], dy[4];
+} cell;
+
+static cell cell_at(const tsuya_lens_spline *s, double density, tsuya_vec2 u)
+{
+    cell c;
+    double tx, ty;
+    int ix = cell_of(&tx, u.x * density + 0.5 * (s->nx - 1), s->nx), iy = cell_of(&ty, u.y * density + 0.5 * (s->ny - 1), s->ny);
+    basis(c.bx, c.dx, tx);
+    basis(c.by, c.dy, ty);
+    c.first = iy * s->nx + ix;
+    return c;
+}
+
 static tsuya_vec2 bend(double jacobian[2][2], const tsuya_lens_spline *s, double density, tsuya_vec2 u)
 {
-    double tx, ty, bx[4], by[4], dx[4], dy[4];
-    int ix = cell_of(&tx, u.x * density + 0.5 * (s->nx - 1), s->nx), iy = cell_of(&ty, u.y * density + 0.5 * (s->ny - 1), s->ny);
-    basis(bx, dx, tx);
-    basis(by, dy, ty);
+    const cell c = cell_at(s, density, u);
     tsuya_vec2 sum = {0, 0}, along_x = {0, 0}, along_y = {0, 0};
     for (int j = 0; j < 4; j++) {
         for (int i = 0; i < 4; i++) {
-            const double *p = s->point + 2 * ((iy + j) * s->nx + ix + i);
-            sum = (tsuya_vec2){sum.x + bx[i] * by[j] * p[0], sum.y + bx[i] * by[j] * p[1]};
-            along_x = (tsuya_vec2){along_x.x + dx[i] * by[j] * p[0], along_x.y + dx[i] * by[j] * p[1]};
-            along_y = (tsuya_vec2){along_y.x + bx[i] * dy[j] * p[0], along_y.y + bx[i] * dy[j] * p[1]};
+            const double *p = s->point + 2 * (c.first + j * s->nx + i);
+            sum = (tsuya_vec2){sum.x + c.bx[i] * c.by[j] * p[0], sum.y + c.bx[i] * c.by[j] * p[1]};
+            along_x = (tsuya_vec2){along_x.x + c.dx[i] * c.by[j] * p[0], along_x.y + c.dx[i] * c.by[j] * p[1]};
+            along_y = (tsuya_vec2){along_y.x + c.bx[i] * c.dy[j] * p[0], along_y.y + c.bx[i] * c.dy[j] * p[1]};
         }
     }
     jacobian[0][0] = 1.0 + density * along_x.x;
@@ -77,13 +91,10 @@ static tsuya_vec2 bend(double jacobian[2][2], const tsuya_lens_spline *s, double
 
 void tsuya_lens_spline_weights(double weight[16], int *first, const tsuya_lens_spline *s, tsuya_vec2 u)
 {
-    double density = tsuya_lens_spline_density(s), tx, ty, bx[4], by[4], unused[4];
-    int ix = cell_of(&tx, u.x * density + 0.5 * (s->nx - 1), s->nx), iy = cell_of(&ty, u.y * density + 0.5 * (s->ny - 1), s->ny);
-    basis(bx, unused, tx);
-    basis(by, unused, ty);
-    *first = iy * s->nx + ix;
+    const cell c = cell_at(s, tsuya_lens_spline_density(s), u);
+    *first = c.first;
     for (int i = 0; i < 16; i++) {
-        weight[i] = bx[i % 4] * by[i / 4];
+        weight[i] = c.bx[i % 4] * c.by[i / 4];
     }
 }
 

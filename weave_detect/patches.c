@@ -226,35 +226,43 @@ static void write_family(FILE *stream, const tsuya_thread_family *family, bool p
     }
 }
 
-tsuya_status tsuya_patches_save(const tsuya_patch_grid *grid, const char *path)
+static void write_threads(FILE *stream, const tsuya_threads *t)
+{
+    write_family(stream, &t->a, false);
+    write_family(stream, &t->b, false);
+    write_family(stream, &t->a, true);
+    write_family(stream, &t->b, true);
+    fprintf(stream, ",%.4f", t->confidence);
+}
+
+static void write_kind(FILE *stream, const tsuya_threads *t)
+{
+    fprintf(stream, ",%s,", tsuya_weave_kind_name(t->kind));
+    if (t->kind == TSUYA_WEAVE_TWILL) {
+        fprintf(stream, "%.2f", tsuya_deg_from_rad(t->diagonal_rad));
+    }
+}
+
+/* A row a patch: its centre, and what `write` says of its threads in the columns `names`. */
+static tsuya_status save_rows(const tsuya_patch_grid *grid, const char *path, const char *names, void (*write)(FILE *stream, const tsuya_threads *threads))
 {
     tsuya_file_writer writer;
     TSUYA_TRY(tsuya_file_begin(&writer, path));
-    fputs("x_px,y_px,weft_deg,warp_deg,period_weft_px,period_warp_px,confidence\n", writer.stream);
+    fprintf(writer.stream, "x_px,y_px,%s\n", names);
     for (size_t i = 0; i < tsuya_patch_count(grid); i++) {
-        const tsuya_patch *p = &grid->patch[i];
-        fprintf(writer.stream, "%.1f,%.1f", p->x_px, p->y_px);
-        write_family(writer.stream, &p->threads.a, false);
-        write_family(writer.stream, &p->threads.b, false);
-        write_family(writer.stream, &p->threads.a, true);
-        write_family(writer.stream, &p->threads.b, true);
-        fprintf(writer.stream, ",%.4f\n", p->threads.confidence);
+        fprintf(writer.stream, "%.1f,%.1f", grid->patch[i].x_px, grid->patch[i].y_px);
+        write(writer.stream, &grid->patch[i].threads);
+        fputc('\n', writer.stream);
     }
     return tsuya_file_commit(&writer);
 }
 
+tsuya_status tsuya_patches_save(const tsuya_patch_grid *grid, const char *path)
+{
+    return save_rows(grid, path, "weft_deg,warp_deg,period_weft_px,period_warp_px,confidence", write_threads);
+}
+
 tsuya_status tsuya_patches_save_kinds(const tsuya_patch_grid *grid, const char *path)
 {
-    tsuya_file_writer writer;
-    TSUYA_TRY(tsuya_file_begin(&writer, path));
-    fputs("x_px,y_px,kind,diagonal_deg\n", writer.stream);
-    for (size_t i = 0; i < tsuya_patch_count(grid); i++) {
-        const tsuya_patch *p = &grid->patch[i];
-        fprintf(writer.stream, "%.1f,%.1f,%s,", p->x_px, p->y_px, tsuya_weave_kind_name(p->threads.kind));
-        if (p->threads.kind == TSUYA_WEAVE_TWILL) {
-            fprintf(writer.stream, "%.2f", tsuya_deg_from_rad(p->threads.diagonal_rad));
-        }
-        fputc('\n', writer.stream);
-    }
-    return tsuya_file_commit(&writer);
+    return save_rows(grid, path, "kind,diagonal_deg", write_kind);
 }
