@@ -18,7 +18,7 @@ static const struct argp_option reconstruct_options[] = {
     {"photos", KEY_PHOTOS, "FOLDER", 0, "The photographs, as an option", 0},
     {"masks", KEY_MASKS, "FOLDER", 0, "NAME.png or NAME.jpg.png; white keeps, black is ignored", 0},
     {"camera", KEY_CAMERA, "CAM.cameramodel", 0, "Calibrated camera, kept as it is (default: focal length from EXIF, refined)", 0},
-    {"poses", KEY_POSES, "FOLDER", 0, "COLMAP model of known poses, kept as they are, with their frame and unit", 0},
+    {"poses", KEY_POSES, "FOLDER", 0, "Known poses, kept as they are, with their frame and unit: a COLMAP model, or a .cameramodel for each photograph or each camera of a rig", 0},
     {"scale", KEY_SCALE, "BOARD.yaml", 0, "Tags that stand in the photographs: metres, and the frame of the first plate", 0},
     {"distance", KEY_DISTANCE, "TEXT", 0, "A length for the scale, \"METRES; PHOTO X,Y X,Y; PHOTO X,Y X,Y\": both ends' pixels in two photographs or more; repeatable", 0},
     {"hold-out", KEY_HOLD_OUT, "NAME", 0, "Place this photograph, but use it for no depth, colour or surface; repeatable", 0},

@@ -18,7 +18,7 @@
 typedef struct tsuya_reconstruct_options {
     const char *photos, *masks;    /* folders; masks NULL where there are none */
     const char *output;            /* JOB/reconstruct */
-    const char *poses;             /* folder of a COLMAP text or binary model whose poses and lenses are kept; NULL */
+    const char *poses;             /* folder of a COLMAP model, or of .cameramodel files, whose poses and lenses are kept; NULL */
     const char *camera_model;      /* .cameramodel whose intrinsics are kept; NULL: from EXIF, refined */
     const char *const *hold_out;   /* registered, but used by no dense step */
     int hold_out_count;

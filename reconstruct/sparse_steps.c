@@ -7,6 +7,7 @@
 #include "reconstruct/groups.h"
 #include "reconstruct/join.h"
 #include "reconstruct/match_steps.h"
+#include "reconstruct/poses.h"
 #include "reconstruct/scale_step.h"
 #include "reconstruct/undistort.h"
 
@@ -79,7 +80,7 @@ static tsuya_status adopt_poses(tsuya_reconstruction *r, const char *output)
     tsuya_sparse_model model = {0};
     tsuya_database database = {0};
     tsuya_status status;
-    TSUYA_GOTO_DONE(status, tsuya_sparse_model_load(&model, r->options->poses));
+    TSUYA_GOTO_DONE(status, tsuya_poses_load(&model, r->options->poses, &r->photos));
     TSUYA_GOTO_DONE(status, tsuya_database_load(&database, base));
     for (int c = 0; c < model.camera_count; c++) {
         if (c == 0 && database.image_count > 0) {
