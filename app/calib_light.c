@@ -235,10 +235,12 @@ static tsuya_status read_highlights(balls *b, const run *r, int view)
         if (!b->shown[k * r->count + photo]) {
             continue;
         }
-        *h = (tsuya_lamp_highlight){.ball = k, .photo = photo};
-        tsuya_status status = tsuya_lamp_ball_find(h, &image, tsuya_path_name(r->path[photo]), &r->camera, r->solve.view[view].camera_from_plate, &b->ball[k]);
+        for (int i = 0; i < r->input->lamps; i++) {
+            h[i] = (tsuya_lamp_highlight){.ball = k, .photo = photo};
+        }
+        tsuya_status status = tsuya_lamp_ball_find(h, r->input->lamps, &image, tsuya_path_name(r->path[photo]), &r->camera, r->solve.view[view].camera_from_plate, &b->ball[k]);
         if (status == TSUYA_OK) {
-            b->count++;
+            b->count += r->input->lamps;
         } else if (status == TSUYA_ERROR_INPUT) {
             tsuya_warn("%s", tsuya_reason());
         } else {
@@ -274,7 +276,7 @@ static tsuya_status find_highlights(run *r)
     balls *b = &r->balls;
     size_t most = (size_t)r->input->balls * (size_t)r->count;
     b->shown = tsuya_calloc(most, sizeof *b->shown);
-    b->highlight = tsuya_calloc(most, sizeof *b->highlight);
+    b->highlight = tsuya_calloc(most * (size_t)r->input->lamps, sizeof *b->highlight);
     if (!b->shown || !b->highlight) {
         return TSUYA_ERROR_MEMORY;
     }
@@ -340,7 +342,7 @@ static tsuya_status save_picture(tsuya_json *figures, const run *r)
 }
 
 /* The very first photograph's plate is the world of a camera that stands still. */
-static tsuya_status find_lamp(run *r)
+static tsuya_status see_plates(run *r)
 {
     TSUYA_TRY(list_photos(r));
     TSUYA_TRY(read_exposures(r));
@@ -349,6 +351,12 @@ static tsuya_status find_lamp(run *r)
         r->common->camera_from_world = r->solve.view[0].camera_from_plate;
     }
     r->common->there = true;
+    return TSUYA_OK;
+}
+
+static tsuya_status find_lamp(run *r)
+{
+    TSUYA_TRY(see_plates(r));
     return estimate(r);
 }
 
@@ -376,24 +384,54 @@ static tsuya_status name_failure(tsuya_status status, const char *name)
     return tsuya_fail(status, "%s: %s", name, reason);
 }
 
-/* `lights`, `lamps`: NULL where there is one lamp only, which is the file itself. */
+/* A lamp that was found.  `lights`, `lamps`: NULL where there is one lamp only, which is the file itself. */
+static tsuya_status tell_lamp(tsuya_json *figures, tsuya_json *lights, tsuya_json *lamps, const run *r)
+{
+    tsuya_json *mine = lamps ? tsuya_json_add_object(lamps) : figures;
+    if (lamps) {
+        tsuya_json_set_text(mine, "name", r->name);
+        tsuya_lamp_add_lights(lights, &r->lamp);
+        tsuya_lamp_describe(mine, &r->lamp);
+    } else {
+        tsuya_lamp_to_json(mine, &r->lamp);
+    }
+    if (r->balls.count) {
+        set_balls(mine, &r->balls, r);
+    }
+    return save_picture(mine, r);
+}
+
 static tsuya_status one_lamp(tsuya_json *figures, tsuya_json *lights, tsuya_json *lamps, run r)
 {
     tsuya_status status = name_failure(find_lamp(&r), r.name);
     if (status == TSUYA_OK) {
-        tsuya_json *mine = lamps ? tsuya_json_add_object(lamps) : figures;
-        if (lamps) {
-            tsuya_json_set_text(mine, "name", r.name);
-            tsuya_lamp_add_lights(lights, &r.lamp);
-            tsuya_lamp_describe(mine, &r.lamp);
-        } else {
-            tsuya_lamp_to_json(mine, &r.lamp);
-        }
-        if (r.balls.count) {
-            set_balls(mine, &r.balls, &r);
-        }
-        status = save_picture(mine, &r);
+        status = tell_lamp(figures, lights, lamps, &r);
     }
+    run_free(&r);
+    return status;
+}
+
+/* Lamps that shine at once, told apart in the balls and named by their number. */
+static tsuya_status lamps_at_once(tsuya_json *lights, tsuya_json *lamps, run r)
+{
+    const int count = r.input->lamps;
+    tsuya_status status;
+    TSUYA_GOTO_DONE(status, see_plates(&r));
+    TSUYA_GOTO_DONE(status, find_highlights(&r));
+    tsuya_lamp_balls all = {r.balls.ball, r.balls.highlight, r.input->balls, r.balls.count, &r.camera};
+    TSUYA_GOTO_DONE(status, tsuya_lamp_balls_sort(&all, count));
+    for (int k = 0; k < count; k++) {
+        char name[16];
+        run one = r;
+        snprintf(name, sizeof name, "%d", k + 1);
+        one.name = name;
+        one.balls.count /= count;
+        one.balls.highlight += k * one.balls.count;
+        tsuya_lamp_balls own = {one.balls.ball, one.balls.highlight, r.input->balls, one.balls.count, &r.camera};
+        TSUYA_GOTO_DONE(status, name_failure(tsuya_lamp_ball_fit(&one.lamp, &own), name));
+        TSUYA_GOTO_DONE(status, tell_lamp(NULL, lights, lamps, &one));
+    }
+done:
     run_free(&r);
     return status;
 }
@@ -429,12 +467,18 @@ static tsuya_status all_lamps(tsuya_json *figures, run first)
     first.common = &shared;
     first.given = in->photos;
     first.photo_count = in->photo_count;
-    if (!several) {
+    if (!several && in->lamps == 1) {
         return one_lamp(figures, NULL, NULL, first);
+    }
+    if (several && in->lamps > 1) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "--lamps: %d folders are given, a lamp each; one folder, or files, with lamps that shine at once is expected", in->photo_count);
     }
     tsuya_json_set_text(figures, "format", "tsuya light");
     tsuya_json_set_text(figures, "version", "1.0");
     tsuya_json *lights = tsuya_json_set_array(figures, "lights"), *lamps = tsuya_json_set_array(figures, "lamps");
+    if (in->lamps > 1) {
+        return lamps_at_once(lights, lamps, first);
+    }
     for (int k = 0; k < in->photo_count; k++) {
         run r = first;
         r.name = tsuya_path_name(in->photos[k]);

@@ -13,6 +13,7 @@ typedef struct tsuya_calib_light_input {
     double reflectance;
     const char *const *ball;            /* "X,Y,DIAMETER[; PHOTO …]", mm; none: the plate is the light meter */
     int balls;
+    int lamps;                          /* with balls: that shine at once, each a highlight in every ball; at least 1 */
     bool white;                         /* with balls: the plates' white is the light meter beside them */
     const char *file;                   /* light.json */
 } tsuya_calib_light_input;

@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-enum { KEY_BOARD = 1, KEY_CAMERA, KEY_COLOR, KEY_LINEAR, KEY_REFLECTANCE, KEY_BALL, KEY_WHITE };
+enum { KEY_BOARD = 1, KEY_CAMERA, KEY_COLOR, KEY_LINEAR, KEY_REFLECTANCE, KEY_BALL, KEY_LAMPS, KEY_WHITE };
 
 typedef struct light_input {
     tsuya_calib_light_input light;
@@ -19,6 +19,7 @@ static const struct argp_option options[] = {
     {"reflectance", KEY_REFLECTANCE, "R", 0, "Of the plate's white (default 0.85)", 0},
     {"ball", KEY_BALL, "TEXT", 0, "A mirror ball that lies on the first plate instead: \"X,Y,DIAMETER\" in its millimetres, or \"X,Y,DIAMETER; PHOTO PHOTO\" "
                                   "where only these show it there; repeatable", 0},
+    {"lamps", KEY_LAMPS, "N", 0, "With --ball: so many lamps shine at once (1 to 4), each a highlight in every ball (default 1)", 0},
     {"white", KEY_WHITE, NULL, 0, "With --ball: the tags' white is the light meter beside the balls, and one lamp is estimated from both", 0},
     {"output", 'o', "PATH", 0, "Folder, or FILE.json (default: light.json); the picture of the residuals goes beside it", 0},
     {0},
@@ -37,6 +38,9 @@ static void check(struct argp_state *state, light_input *input)
     while (l->balls < TSUYA_LAMP_BALLS && input->ball[l->balls]) {
         l->balls++;
     }
+    if (l->lamps > 1 && (l->white || !l->balls)) {
+        argp_error(state, "--lamps belongs to --ball alone: white cannot tell lamps apart that shine at once");
+    }
     if (l->white && !l->balls) {
         argp_error(state, "--white belongs to --ball: without balls the tags' white is the light meter as it is");
     }
@@ -53,6 +57,7 @@ static error_t parse(int key, char *arg, struct argp_state *state)
     case KEY_LINEAR: l->linear = true; return 0;
     case KEY_REFLECTANCE: l->reflectance = tsuya_argument_number(state, "--reflectance", arg, 0.01, 1.0); return 0;
     case KEY_BALL: tsuya_argument_append(state, input->ball, TSUYA_LAMP_BALLS, arg); return 0;
+    case KEY_LAMPS: l->lamps = tsuya_argument_int(state, "--lamps", arg, 1, TSUYA_LAMPS_MOST); return 0;
     case KEY_WHITE: l->white = true; return 0;
     case 'o': input->output = arg; return 0;
     case ARGP_KEY_ARG:
@@ -83,7 +88,7 @@ int tsuya_command_calib_light(int argc, char **argv)
 {
     static light_input input;
     tsuya_common common;
-    input = (light_input){.light = {.reflectance = tsuya_lamp_options_default().reflectance}};
+    input = (light_input){.light = {.reflectance = tsuya_lamp_options_default().reflectance, .lamps = 1}};
     tsuya_command_parse(&syntax, &common, &input, argc, argv);
     tsuya_context context = tsuya_command_context(&common);
     char *folder = NULL, *file = NULL;

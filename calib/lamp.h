@@ -24,7 +24,7 @@
 #include "calib/solve.h"
 #include "core/json.h"
 
-enum { TSUYA_LAMP_BALLS = 16 };
+enum { TSUYA_LAMP_BALLS = 16, TSUYA_LAMPS_MOST = 4 };
 
 /* One tag's white in one photograph. */
 typedef struct tsuya_lamp_reading {
@@ -98,10 +98,14 @@ TSUYA_API tsuya_lamp_options tsuya_lamp_options_default(void);
  * all photographs and no ball is there, where it is not lit, or stands in the lamp's plane. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_lamp_fit(tsuya_lamp *lamp, tsuya_lamp_readings *readings, const tsuya_lamp_options *options);
 
-/* The brightest spot within the ball's outline; `name` is for messages.  Fails where the ball lies outside the image, where nothing
- * stands out, and where two spots do. */
-TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_lamp_ball_find(tsuya_lamp_highlight *highlight, const tsuya_image *photo, const char *name,
+/* The brightest spots within the ball's outline, one for each of the lamps that shine at once (1 to TSUYA_LAMPS_MOST), the largest first; `name`
+ * is for messages.  Fails where the ball lies outside the image, where fewer spots stand out, and where more do. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_lamp_ball_find(tsuya_lamp_highlight *highlight, int lamps, const tsuya_image *photo, const char *name,
                                                              const tsuya_camera *camera, tsuya_pose camera_from_world, const tsuya_lamp_ball *ball);
+/* Tells which highlight is whose: those of one ball in one photograph come together, `lamps` each, in any order.  They leave lamp by lamp, each in
+ * the order that they had: first by the mirrored directions, then by what the lamps' fits expect.  The lamps must stand farther apart, as the
+ * balls see them, than one of them moves from ball to ball. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_lamp_balls_sort(tsuya_lamp_balls *balls, int lamps);
 /* Moves the balls to where they fit.  Fails on highlights that give a direction only. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_lamp_ball_fit(tsuya_lamp *lamp, tsuya_lamp_balls *balls);
 

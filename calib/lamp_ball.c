@@ -6,7 +6,8 @@
 #include <string.h>
 
 enum { LAMP = 3, STEPS = 60, ROUNDS = 3 };
-static const double PLACE_SIGMA_M = 1e-3, FIRST_SIGMA_PX = 0.5, LEAST_SIGMA_PX = 0.05, OUTLINE = 0.97, SPOT = 0.7, STANDS_OUT = 3.0, SPOT_SHARE = 0.15;
+static const double PLACE_SIGMA_M = 1e-3, FIRST_SIGMA_PX = 0.5, LEAST_SIGMA_PX = 0.05, OUTLINE = 0.97, SPOT = 0.7, STANDS_OUT = 3.0, SPOT_SHARE = 0.15,
+                    WEAKEST = 0.15; /* of several lamps, of the brightest as the photograph has it */
 
 /* The window of a photograph that holds a ball. */
 typedef struct window {
@@ -68,13 +69,13 @@ done:
 
 typedef struct spot { int pixels; double weight, x, y; } spot;
 
-/* One connected spot above the threshold, by flooding. */
-static spot flood(window *w, int from, float threshold)
+/* The pixels of label `before` above the threshold that hang together with one of them, by flooding; they get the label `after`. */
+static spot flood(window *w, int from, float threshold, int before, int after)
 {
     spot s = {0};
     int top = 0;
     w->stack[top++] = from;
-    w->label[from] = 1;
+    w->label[from] = after;
     while (top) {
         int i = w->stack[--top], x = i % w->width, y = i / w->width;
         s.pixels++;
@@ -84,8 +85,8 @@ static spot flood(window *w, int from, float threshold)
         for (int k = 0; k < 8; k++) {
             static const int dx[] = {-1, 0, 1, -1, 1, -1, 0, 1}, dy[] = {-1, -1, -1, 0, 0, 1, 1, 1};
             int u = x + dx[k], v = y + dy[k], j = v * w->width + u;
-            if (u >= 0 && v >= 0 && u < w->width && v < w->height && !w->label[j] && w->value[j] > threshold) {
-                w->label[j] = 1;
+            if (u >= 0 && v >= 0 && u < w->width && v < w->height && w->label[j] == before && w->value[j] > threshold) {
+                w->label[j] = after;
                 w->stack[top++] = j;
             }
         }
@@ -95,56 +96,106 @@ static spot flood(window *w, int from, float threshold)
     return s;
 }
 
-static tsuya_status brightest(tsuya_vec2 *pixel, window *w, const char *name)
+/* What stands out, and the typical value inside the outline. */
+static tsuya_status look(double *most, double *typical, const window *w)
 {
-    int n = w->width * w->height, k = 0;
-    double most = 0.0, *inside = tsuya_calloc((size_t)w->inside, sizeof *inside);
-    spot first = {0}, second = {0};
+    int k = 0;
+    double *inside = tsuya_calloc((size_t)w->inside, sizeof *inside);
     if (!inside) {
         return TSUYA_ERROR_MEMORY;
     }
-    for (int i = 0; i < n; i++) {
+    *most = 0.0;
+    for (int i = 0; i < w->width * w->height; i++) {
         if (w->value[i] >= 0.0f) {
             inside[k++] = (double)w->value[i];
-            most = fmax(most, (double)w->value[i]);
+            *most = fmax(*most, (double)w->value[i]);
         }
     }
-    double typical = tsuya_lamp_median(inside, k);
+    *typical = tsuya_lamp_median(inside, k);
     tsuya_free(inside);
+    return TSUYA_OK;
+}
+
+enum { UNSEEN, REGION, DONE, LISTED = TSUYA_LAMPS_MOST + 1 };
+
+static int keep_spot(spot list[LISTED], int count, spot s)
+{
+    int place = count < LISTED ? count++ : LISTED;
+    for (; place > 0 && list[place - 1].pixels < s.pixels; place--) {
+        if (place < LISTED) {
+            list[place] = list[place - 1];
+        }
+    }
+    if (place < LISTED) {
+        list[place] = s;
+    }
+    return count;
+}
+
+/* The largest spots, in order.  What hangs together above `least` is cut at SPOT of its own brightest pixel, so that a weak lamp beside a strong one is
+ * measured as that one is. */
+static int list_spots(spot list[LISTED], window *w, double least)
+{
+    const int n = w->width * w->height;
+    int count = 0;
+    for (int i = 0; i < n; i++) {
+        float peak = 0.0f;
+        if (w->label[i] != UNSEEN || !(w->value[i] > (float)least)) {
+            continue;
+        }
+        (void)flood(w, i, (float)least, UNSEEN, REGION);
+        for (int j = i; j < n; j++) {
+            peak = w->label[j] == REGION && w->value[j] > peak ? w->value[j] : peak;
+        }
+        for (int j = i; j < n; j++) {
+            if (w->label[j] == REGION && w->value[j] > (float)SPOT * peak) {
+                count = keep_spot(list, count, flood(w, j, (float)SPOT * peak, REGION, DONE));
+            }
+        }
+        for (int j = i; j < n; j++) {
+            w->label[j] = w->label[j] == REGION ? DONE : w->label[j];
+        }
+    }
+    return count;
+}
+
+static tsuya_status brightest(tsuya_lamp_highlight *highlight, int lamps, window *w, const char *name)
+{
+    spot list[LISTED];
+    double most, typical;
+    TSUYA_TRY(look(&most, &typical, w));
     if (!(most > STANDS_OUT * typical)) {
         return tsuya_fail(TSUYA_ERROR_INPUT, "%s: no highlight stands out in the ball (brightest %.3f, typical %.3f of the range); expose less, in a dark room", name,
                           most, typical);
     }
-    for (int i = 0; i < n; i++) {
-        if (!w->label[i] && w->value[i] > (float)(SPOT * most)) {
-            spot s = flood(w, i, (float)(SPOT * most));
-            if (s.pixels > first.pixels) {
-                second = first;
-                first = s;
-            } else if (s.pixels > second.pixels) {
-                second = s;
-            }
-        }
+    int count = list_spots(list, w, lamps == 1 ? SPOT * most : fmin(fmax(STANDS_OUT * typical, WEAKEST * most), SPOT * most));
+    if (count < lamps) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: %d highlight%s in the ball, at %.0f, %.0f px%s; %d lamps are expected", name, count, count == 1 ? "" : "s", list[0].x, list[0].y,
+                          count == 1 ? "" : " and elsewhere", lamps);
     }
-    if (2 * second.pixels > first.pixels && second.pixels > 3) {
-        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: two highlights in the ball, at %.0f, %.0f and %.0f, %.0f px; one lamp at a time is expected", name, first.x,
-                          first.y, second.x, second.y);
+    if (count > lamps && 2 * list[lamps].pixels > list[lamps - 1].pixels && list[lamps].pixels > 3) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: %s highlights in the ball, at %.0f, %.0f and %.0f, %.0f px; %s expected", name, lamps == 1 ? "two" : "more", list[lamps - 1].x,
+                          list[lamps - 1].y, list[lamps].x, list[lamps].y, lamps == 1 ? "one lamp is (--lamps says how many shine at once)" : "fewer lamps are");
     }
-    if (first.pixels > SPOT_SHARE * w->inside) {
-        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: the highlight fills %.0f %% of the ball; a lamp is a small spot: expose less", name, 100.0 * first.pixels / w->inside);
+    if (list[0].pixels > SPOT_SHARE * w->inside) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: the highlight fills %.0f %% of the ball; a lamp is a small spot: expose less", name, 100.0 * list[0].pixels / w->inside);
     }
-    *pixel = (tsuya_vec2){first.x, first.y};
+    for (int k = 0; k < lamps; k++) {
+        highlight[k].pixel = (tsuya_vec2){list[k].x, list[k].y};
+    }
     return TSUYA_OK;
 }
 
-tsuya_status tsuya_lamp_ball_find(tsuya_lamp_highlight *highlight, const tsuya_image *photo, const char *name, const tsuya_camera *camera,
+tsuya_status tsuya_lamp_ball_find(tsuya_lamp_highlight *highlight, int lamps, const tsuya_image *photo, const char *name, const tsuya_camera *camera,
                                   tsuya_pose camera_from_world, const tsuya_lamp_ball *ball)
 {
     window w;
     tsuya_status status = cut_window(&w, photo, name, camera, tsuya_pose_apply(camera_from_world, center_of(ball)), 0.5 * ball->diameter_m);
-    highlight->camera_from_world = camera_from_world;
+    for (int k = 0; k < lamps; k++) {
+        highlight[k].camera_from_world = camera_from_world;
+    }
     if (status == TSUYA_OK) {
-        status = brightest(&highlight->pixel, &w, name);
+        status = brightest(highlight, lamps, &w, name);
     }
     window_free(&w);
     return status;
@@ -177,7 +228,7 @@ static tsuya_vec3 mirror_point(const tsuya_lamp_place *p, tsuya_vec3 eye, tsuya_
 }
 
 /* Pixel of the highlight less where it would be; false where that is not in the camera's view. */
-static bool miss(double e[2], const tsuya_lamp_balls *b, const tsuya_lamp_highlight *h, const tsuya_lamp_place *p, const double *shift_m)
+bool tsuya_lamp_ball_miss(double e[2], const tsuya_lamp_balls *b, const tsuya_lamp_highlight *h, const tsuya_lamp_place *p, const double *shift_m)
 {
     tsuya_vec2 pixel;
     const tsuya_lamp_ball *ball = &b->ball[h->ball];
@@ -193,7 +244,7 @@ void tsuya_lamp_ball_rows(double *row, const tsuya_lamp_balls *b, const tsuya_la
 {
     for (int i = 0; i < b->highlights; i++) {
         double e[2];
-        bool seen = miss(e, b, &b->highlight[i], place, shift_m);
+        bool seen = tsuya_lamp_ball_miss(e, b, &b->highlight[i], place, shift_m);
         *row++ = seen ? e[0] / sigma_px : 1e3;
         *row++ = seen ? e[1] / sigma_px : 1e3;
     }
@@ -210,7 +261,7 @@ double tsuya_lamp_ball_sigma(const tsuya_lamp_balls *b, const tsuya_lamp_place *
     }
     for (int i = 0; i < b->highlights; i++) {
         double e[2];
-        (void)miss(e, b, &b->highlight[i], place, shift_m);
+        (void)tsuya_lamp_ball_miss(e, b, &b->highlight[i], place, shift_m);
         sum += e[0] * e[0] + e[1] * e[1];
     }
     return freedom < 3.0 ? sigma_px : fmax(sqrt(sum / freedom), LEAST_SIGMA_PX);
@@ -221,7 +272,7 @@ void tsuya_lamp_ball_settle(tsuya_lamp *lamp, tsuya_lamp_balls *b, const tsuya_l
     double sum = 0.0;
     for (int i = 0; i < b->highlights; i++) {
         double e[2];
-        (void)miss(e, b, &b->highlight[i], place, shift_m);
+        (void)tsuya_lamp_ball_miss(e, b, &b->highlight[i], place, shift_m);
         b->highlight[i].residual_px = (tsuya_vec2){e[0], e[1]};
         sum += e[0] * e[0] + e[1] * e[1];
     }
@@ -249,21 +300,25 @@ static void move(void *at, const double *step)
     }
 }
 
+tsuya_vec3 tsuya_lamp_ball_mirrored(const tsuya_lamp_balls *b, const tsuya_lamp_highlight *h)
+{
+    tsuya_vec3 ray, eye = tsuya_pose_center(h->camera_from_world), c = center_of(&b->ball[h->ball]);
+    double radius = 0.5 * b->ball[h->ball].diameter_m;
+    if (!tsuya_camera_unproject(b->camera, h->pixel, &ray)) {
+        return (tsuya_vec3){0, 0, 0};
+    }
+    tsuya_vec3 d = tsuya_mat3_apply_transposed(h->camera_from_world.rotation, ray), to = tsuya_vec3_sub(c, eye);
+    double along = tsuya_vec3_dot(to, d), short2 = radius * radius - (tsuya_vec3_dot(to, to) - along * along);
+    tsuya_vec3 n = tsuya_vec3_unit(tsuya_vec3_sub(tsuya_vec3_mad(eye, along - sqrt(fmax(short2, 0.0)), d), c));
+    return tsuya_vec3_mad(d, -2.0 * tsuya_vec3_dot(d, n), n);
+}
+
 /* Mean direction of the mirrored rays, the balls where they were measured. */
 static tsuya_vec3 first_direction(const scene *s)
 {
     tsuya_vec3 sum = {0, 0, 0};
     for (int i = 0; i < s->balls->highlights; i++) {
-        const tsuya_lamp_highlight *h = &s->balls->highlight[i];
-        tsuya_vec3 ray, eye = tsuya_pose_center(h->camera_from_world), c = center_of(&s->balls->ball[h->ball]);
-        double radius = 0.5 * s->balls->ball[h->ball].diameter_m;
-        if (!tsuya_camera_unproject(s->balls->camera, h->pixel, &ray)) {
-            continue;
-        }
-        tsuya_vec3 d = tsuya_mat3_apply_transposed(h->camera_from_world.rotation, ray), to = tsuya_vec3_sub(c, eye);
-        double along = tsuya_vec3_dot(to, d), short2 = radius * radius - (tsuya_vec3_dot(to, to) - along * along);
-        tsuya_vec3 n = tsuya_vec3_unit(tsuya_vec3_sub(tsuya_vec3_mad(eye, along - sqrt(fmax(short2, 0.0)), d), c));
-        sum = tsuya_vec3_add(sum, tsuya_vec3_mad(d, -2.0 * tsuya_vec3_dot(d, n), n));
+        sum = tsuya_vec3_add(sum, tsuya_lamp_ball_mirrored(s->balls, &s->balls->highlight[i]));
     }
     return tsuya_vec3_unit(sum);
 }

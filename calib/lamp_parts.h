@@ -32,6 +32,10 @@ void tsuya_lamp_ball_rows(double *row, const tsuya_lamp_balls *balls, const tsuy
 double tsuya_lamp_ball_sigma(const tsuya_lamp_balls *balls, const tsuya_lamp_place *place, const double *shift_m, double sigma_px);
 /* The highlights' residuals; the balls go where they fit. */
 void tsuya_lamp_ball_settle(tsuya_lamp *lamp, tsuya_lamp_balls *balls, const tsuya_lamp_place *place, const double *shift_m);
+/* Unit direction in which the ball, where it was measured, mirrors the highlight's ray; 0 where the ray is none. */
+tsuya_vec3 tsuya_lamp_ball_mirrored(const tsuya_lamp_balls *balls, const tsuya_lamp_highlight *highlight);
+/* Pixel of the highlight less where it would be; false where that is not in the camera's view. */
+bool tsuya_lamp_ball_miss(double e[2], const tsuya_lamp_balls *balls, const tsuya_lamp_highlight *highlight, const tsuya_lamp_place *place, const double *shift_m);
 double tsuya_lamp_median(double *values, int n); /* sorts; NaN without any */
 
 #endif

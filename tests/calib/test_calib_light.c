@@ -247,11 +247,54 @@ static void test_refusals(void **state)
     tsuya_lamp_readings_free(&r);
 }
 
+/* Three lamps at once: highlights in any order go to their lamps, so that each is found as if it had shone alone. */
+static void test_lamps_at_once(void **state)
+{
+    (void)state;
+    enum { LAMPS = 3 };
+    static const tsuya_camera camera = {.lens = TSUYA_LENS_PINHOLE, .width_px = 1600, .height_px = 1200, .fx_px = 2500, .fy_px = 2500, .cx_px = 800, .cy_px = 600};
+    static const tsuya_vec3 at[LAMPS] = {{0.45, 0.35, 0.70}, {-0.35, 0.40, 0.60}, {0.10, 0.70, 0.30}};
+    for (int run = 0; run < RUNS / 2; run++) {
+        tsuya_lamp_balls own[LAMPS], all = {tsuya_calloc(BALLS, sizeof *all.ball), tsuya_calloc(LAMPS * BALLS * VIEWS, sizeof *all.highlight), BALLS, 0, &camera};
+        bool taken[LAMPS] = {false};
+        for (int k = 0; k < LAMPS; k++) {
+            lamp_truth truth = lamp_usual();
+            truth.position_m = at[k];
+            make_highlights(&own[k], &truth, &camera, 500 + (uint64_t)run);
+        }
+        memcpy(all.ball, own[0].ball, BALLS * sizeof *all.ball);
+        for (int g = 0; g < BALLS * VIEWS; g++) {
+            for (int k = 0; k < LAMPS; k++) { /* another order in each group */
+                all.highlight[all.highlights++] = own[(k * (1 + g % 2) + g / 2) % LAMPS].highlight[g];
+            }
+        }
+        assert_ok(tsuya_lamp_balls_sort(&all, LAMPS));
+        for (int k = 0; k < LAMPS; k++) {
+            tsuya_lamp_balls one = {NULL, all.highlight + k * BALLS * VIEWS, BALLS, BALLS * VIEWS, &camera};
+            int whose = 0;
+            for (int i = 1; i < LAMPS; i++) {
+                whose = memcmp(&one.highlight[0].pixel, &own[i].highlight[0].pixel, sizeof(tsuya_vec2)) == 0 ? i : whose;
+            }
+            assert_false(taken[whose]);
+            taken[whose] = true;
+            for (int g = 0; g < BALLS * VIEWS; g++) {
+                assert_memory_equal(&one.highlight[g].pixel, &own[whose].highlight[g].pixel, sizeof(tsuya_vec2));
+            }
+        }
+        for (int k = 0; k < LAMPS; k++) {
+            tsuya_free(own[k].ball);
+            tsuya_free(own[k].highlight);
+        }
+        tsuya_free(all.ball);
+        tsuya_free(all.highlight);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_lamps_come_back),
-        cmocka_unit_test(test_balls_with_white),
+        cmocka_unit_test(test_balls_with_white), cmocka_unit_test(test_lamps_at_once),
         cmocka_unit_test(test_sigmas_are_honest),
         cmocka_unit_test(test_shadows_and_hands_are_left_out),
         cmocka_unit_test(test_refusals),

@@ -235,8 +235,9 @@ static void test_refusals(void **state)
     assert_false(tsuya_path_exists(test_path("none.json")));
 }
 
-/* A mirror ball on the plate, by rays: lamp, plate and a dim room are seen in it. */
-static void draw_ball(tsuya_image *image, const tsuya_camera *cam, tsuya_pose from_world, tsuya_vec3 center, double radius, tsuya_vec3 lamp, double lamp_radius)
+/* A mirror ball on the plate, by rays: lamps (each half as bright as the one before), plate and a dim room are seen in it. */
+static void draw_ball(tsuya_image *image, const tsuya_camera *cam, tsuya_pose from_world, tsuya_vec3 center, double radius, const tsuya_vec3 *lamp, int lamps,
+                      double lamp_radius)
 {
     tsuya_vec2 at;
     tsuya_vec3 eye = tsuya_pose_center(from_world);
@@ -258,45 +259,91 @@ static void draw_ball(tsuya_image *image, const tsuya_camera *cam, tsuya_pose fr
                 p = tsuya_vec3_mad(eye, along - sqrt(s2), d);
                 n = tsuya_vec3_scale(tsuya_vec3_sub(p, center), 1.0 / radius);
                 r = tsuya_vec3_mad(d, -2.0 * tsuya_vec3_dot(d, n), n);
-                tsuya_vec3 l = tsuya_vec3_sub(lamp, p);
-                double closest = tsuya_vec3_dot(l, r), off2 = tsuya_vec3_dot(l, l) - closest * closest;
-                sum += closest > 0.0 && off2 < lamp_radius * lamp_radius ? 8.0 : r.z < 0.0 ? 0.06 : 0.01;
+                double seen = r.z < 0.0 ? 0.06 : 0.01;
+                for (int i = 0; i < lamps; i++) {
+                    tsuya_vec3 l = tsuya_vec3_sub(lamp[i], p);
+                    double closest = tsuya_vec3_dot(l, r), off2 = tsuya_vec3_dot(l, l) - closest * closest;
+                    seen = closest > 0.0 && off2 < lamp_radius * lamp_radius ? 8.0 / (1 << i) : seen;
+                }
+                sum += seen;
             }
             *tsuya_image_f32(image, x, y) = (float)(0.9 * sum / 16.0);
         }
     }
 }
 
-static void test_balls(void **state)
+static const double ball_place[2][2] = {{-0.04, 0.05}, {0.20, 0.08}};
+
+/* Two balls on a mat that lies still, five photographs; the first lamp lights the mat. */
+static void draw_balls(const char *folder, const lamp_truth *truth, const tsuya_vec3 *lamp, int lamps)
 {
-    (void)state;
-    static const double place[2][2] = {{-0.04, 0.05}, {0.20, 0.08}};
     tsuya_board board;
     tsuya_camera cam = camera();
-    lamp_truth truth = lamp_usual();
-    truth.position_m = (tsuya_vec3){0.35, 0.30, 0.55};
-    tsuya_vec3 lamp = truth.position_m;
-    begin();
     assert_ok(tsuya_board_load(&board, test_path("board.yaml")));
-    assert_ok(tsuya_folder_make(test_path("balls")));
+    assert_ok(tsuya_folder_make(test_path(folder)));
     for (int k = 0; k < 5; k++) {
         tsuya_image image;
         char name[64];
         tsuya_vec3 eye = {0.08 + 0.35 * sin(1.3 * k), -0.5 + 0.12 * k, 0.6 - 0.03 * k};
         tsuya_pose from_world = tsuya_pose_look_at(eye, (tsuya_vec3){0.08, 0.06, 0.0}, (tsuya_vec3){0, 0, 1});
         scene_look look = look_of(k);
-        shine s = {&truth, tsuya_pose_identity(), 0.4, eye};
+        shine s = {truth, tsuya_pose_identity(), 0.4, eye};
         look.light = shine_at;
         look.light_user = &s;
         scene_begin(&image, W, H, &look);
         scene_plate(&image, &board, 0, &cam, from_world, &look);
         for (int b = 0; b < 2; b++) {
-            draw_ball(&image, &cam, from_world, (tsuya_vec3){place[b][0] + 0.0004, place[b][1] - 0.0003, 0.015}, 0.015, lamp, 0.02);
+            draw_ball(&image, &cam, from_world, (tsuya_vec3){ball_place[b][0] + 0.0004, ball_place[b][1] - 0.0003, 0.015}, 0.015, lamp, lamps, 0.02);
         }
-        snprintf(name, sizeof name, "balls/IMG_%d.tif", k);
+        snprintf(name, sizeof name, "%s/IMG_%d.tif", folder, k);
         save_photo(&image, &look, name);
     }
     tsuya_board_free(&board);
+}
+
+/* Both shine at once; the weaker one is found as well as the stronger. */
+static void test_two_lamps_in_a_ball(void **state)
+{
+    (void)state;
+    static const tsuya_vec3 lamp[2] = {{0.35, 0.30, 0.55}, {-0.30, 0.35, 0.50}};
+    lamp_truth truth = lamp_usual();
+    truth.position_m = lamp[0];
+    begin();
+    draw_balls("two", &truth, lamp, 2);
+    if (run("two --lamps 2 --ball '-40,50,30' --ball '200,80,30' -o two.json") != 0) {
+        fail_msg("%s", output);
+    }
+    tsuya_json *root;
+    bool found[2] = {false, false};
+    assert_ok(tsuya_json_load(&root, test_path("two.json")));
+    assert_int_equal(tsuya_json_count(tsuya_json_member(root, "lamps")), 2);
+    for (int k = 0; k < 2; k++) {
+        double position[3], rms;
+        const tsuya_json *one = tsuya_json_element(tsuya_json_member(root, "lamps"), k);
+        assert_ok(tsuya_json_get_numbers(position, 3, tsuya_json_member(one, "lamp"), "position_m"));
+        assert_ok(tsuya_json_get_number(&rms, one, "rms_px"));
+        int whose = away(position, lamp[1]) < away(position, lamp[0]);
+        printf("two lamps in a ball: %.1f mm off, highlights %.2f px\n", 1e3 * away(position, lamp[whose]), rms);
+        assert_true(away(position, lamp[whose]) < 0.05 && rms < 0.6 && !found[whose]);
+        found[whose] = true;
+    }
+    tsuya_json_free(root);
+    assert_true(tsuya_path_exists(test_path("two_1.png")) && tsuya_path_exists(test_path("two_2.png")));
+    assert_int_equal(run("two --lamps 3 --ball '-40,50,30; IMG_0.tif' -o none.json"), 1);
+    assert_non_null(strstr(output, "2 highlights in the ball"));
+    (void)run("two --ball '-40,50,30' --ball '200,80,30' -o one.json"); /* where both look alike, neither is taken for the only one */
+    assert_non_null(strstr(output, "--lamps says how many shine at once"));
+    assert_int_equal(run("two --lamps 2 --white --ball '-40,50,30' -o none.json"), 2);
+}
+
+static void test_balls(void **state)
+{
+    (void)state;
+    lamp_truth truth = lamp_usual();
+    truth.position_m = (tsuya_vec3){0.35, 0.30, 0.55};
+    tsuya_vec3 lamp = truth.position_m;
+    begin();
+    draw_balls("balls", &truth, &lamp, 1);
     if (run("balls --ball '-40,50,30' --ball '200,80,30' -o ball.json") != 0) {
         fail_msg("%s", output);
     }
@@ -337,7 +384,7 @@ int main(void)
         cmocka_unit_test(test_plate),
         cmocka_unit_test(test_two_lamps),
         cmocka_unit_test(test_refusals),
-        cmocka_unit_test(test_balls),
+        cmocka_unit_test(test_balls), cmocka_unit_test(test_two_lamps_in_a_ball),
     };
     int result = cmocka_run_group_tests(tests, NULL, NULL);
     tsuya_free(output);
