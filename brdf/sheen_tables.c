@@ -110,14 +110,20 @@ static double value_at(const double *control, double x, double low, int interval
  * outer two are the ends). */
 static const double inner[2] = {0.29289321881345254, 0.70710678118654746};
 
+/* Of each interval of a table: by how much it misses its curve, and how large the curve is there. */
+typedef struct missed {
+    int count;
+    double by[TSUYA_WIDE_CURVE], size[TSUYA_WIDE_CURVE];
+} missed;
+
 /* A curve over an angle in [low, 90°], low 0 or −90°, as cubics over the bent angle, coefficient after coefficient; each goes through four
- * values, its ends among them.  Returns by how much they miss the curve. */
-static double fill_bent(float *to, int entries, const double *control, double low, int intervals, double factor)
+ * values, its ends among them. */
+static missed fill_bent(float *to, int entries, const double *control, double low, int intervals, double factor)
 {
     const double at[7] = {0.0, inner[0], inner[1], 1.0, 0.13, 0.5, 0.87}; /* the last three: where most is missed */
     const double p = inner[0], q = inner[1];
     int count = tsuya_wide_intervals(intervals, entries);
-    double missed = 0.0;
+    missed m = {.count = count};
     for (int k = 0; k <= count; ++k) {
         double y[7];
         for (int i = 0; i < 7; ++i) {
@@ -126,15 +132,16 @@ static double fill_bent(float *to, int entries, const double *control, double lo
         }
         double near = (y[2] / q - y[1] / p) / (q - p), far = (y[3] - y[2] / q) / (1.0 - q);
         double c = (far - near) / (1.0 - p), b = near - c * (p + q), a = y[3] - b - c;
-        for (int i = 4; i < 7 && k < count; ++i) {
-            missed = fmax(missed, fabs(at[i] * (a + at[i] * (b + at[i] * c)) - y[i]));
+        for (int i = 1; i < 7 && k < count; ++i) {
+            m.by[k] = fmax(m.by[k], i < 4 ? 0.0 : fabs(at[i] * (a + at[i] * (b + at[i] * c)) - y[i]));
+            m.size[k] = fmax(m.size[k], fmax(fabs(y[0]), fabs(y[0] + y[i])));
         }
         to[k] = (float)y[0];
         to[entries + k] = (float)a;
         to[2 * entries + k] = (float)b;
         to[3 * entries + k] = (float)c;
     }
-    return missed;
+    return m;
 }
 
 /* The cubics of a periodic curve's intervals. */
@@ -168,31 +175,54 @@ static const double *factor_of(const tsuya_sheen *s, int factor, int term) { ret
 
 static double largest_of(const tsuya_sheen *s, int factor, int term) { return largest_size(factor_of(s, factor, term), tsuya_sheen_factor_size(s, factor)); }
 
-/* The tables of one term; returns by how much its product may be missed where its tint is largest. */
-static double fill_term(const tsuya_sheen *s, int r)
+/* The tables of one term over θh, which hold the constants of one that is level or has no θd, and over θd.  What is said of the former is where
+ * the term's factors over φ and of the channels are largest. */
+static void fill_term(missed *tilt, missed *deep, const tsuya_sheen *s, int r)
 {
-    float *round = s->wide + tsuya_wide_term(r), *tilt = round + 4 * TSUYA_WIDE_ROUND, *deep = tilt + 4 * TSUYA_WIDE_TILT;
-    const double *over_d = factor_of(s, TSUYA_SHEEN_DEEP, r), *over_phi = factor_of(s, TSUYA_SHEEN_ROUND, r);
+    float *round = s->wide + tsuya_wide_term(r), *over_tilt = round + 4 * TSUYA_WIDE_ROUND, *over_deep = over_tilt + 4 * TSUYA_WIDE_TILT;
+    const double *of_d = factor_of(s, TSUYA_SHEEN_DEEP, r), *of_phi = factor_of(s, TSUYA_SHEEN_ROUND, r);
     bool level = r < s->level_terms;
-    double factor = (s->nd > 0 ? 1.0 : over_d[0]) * (level ? over_phi[0] : 1.0), missed;
-    fill_round(round, TSUYA_WIDE_ROUND, over_phi, s->nu);
-    missed = fill_bent(tilt, tsuya_wide_tilt(s), factor_of(s, TSUYA_SHEEN_TILT, r), 0.0, s->nv, factor);
+    double factor = (s->nd > 0 ? 1.0 : of_d[0]) * (level ? of_phi[0] : 1.0);
+    double most = (level ? 1.0 : largest_of(s, TSUYA_SHEEN_ROUND, r)) * largest_of(s, TSUYA_SHEEN_TINT, r);
+    fill_round(round, TSUYA_WIDE_ROUND, of_phi, s->nu);
+    *tilt = fill_bent(over_tilt, tsuya_wide_tilt(s), factor_of(s, TSUYA_SHEEN_TILT, r), 0.0, s->nv, factor);
+    *deep = (missed){.count = 1, .size = {1.0}};
     if (s->nd > 0) {
-        missed *= largest_of(s, TSUYA_SHEEN_DEEP, r);
-        missed += fill_bent(deep, TSUYA_WIDE_DEEP, over_d, 0.0, s->nd, 1.0) * fabs(factor) * largest_of(s, TSUYA_SHEEN_TILT, r);
+        *deep = fill_bent(over_deep, TSUYA_WIDE_DEEP, of_d, 0.0, s->nd, 1.0);
     }
-    return missed * (level ? 1.0 : largest_of(s, TSUYA_SHEEN_ROUND, r)) * largest_of(s, TSUYA_SHEEN_TINT, r);
+    for (int k = 0; k < tilt->count; ++k) {
+        tilt->by[k] *= most;
+        tilt->size[k] *= most;
+    }
+}
+
+/* The tables of S; returns a bound of what they miss of it. */
+static double fill_terms(const tsuya_sheen *s)
+{
+    missed tilt[TSUYA_SHEEN_TERMS], deep[TSUYA_SHEEN_TERMS];
+    double most = 0.0;
+    for (int r = 0; r < s->terms; ++r) {
+        fill_term(&tilt[r], &deep[r], s, r);
+    }
+    for (int i = 0; s->terms > 0 && i < tilt[0].count; ++i) {
+        for (int j = 0; j < deep[0].count; ++j) {
+            double sum = 0.0;
+            for (int r = 0; r < s->terms; ++r) {
+                sum += tilt[r].by[i] * deep[r].size[j] + deep[r].by[j] * tilt[r].size[i];
+            }
+            most = fmax(most, sum);
+        }
+    }
+    return most;
 }
 
 /* Returns a bound of what the tables miss of any logarithm, natural as it is relative to a value. */
 static double fill_wide(const tsuya_sheen *s)
 {
-    double missed[TSUYA_SHEEN_CURVES], surface = 0.0;
+    double most[TSUYA_SHEEN_CURVES];
     for (int curve = 0; curve < TSUYA_SHEEN_CURVES; ++curve) {
-        missed[curve] = fill_bent(s->wide + 4 * curve * TSUYA_WIDE_CURVE, TSUYA_WIDE_CURVE, s->curve[curve], -0.5 * M_PI, s->spans, log2_e) / log2_e;
-    }
-    for (int r = 0; r < s->terms; ++r) {
-        surface += fill_term(s, r);
+        missed m = fill_bent(s->wide + 4 * curve * TSUYA_WIDE_CURVE, TSUYA_WIDE_CURVE, s->curve[curve], -0.5 * M_PI, s->spans, log2_e);
+        most[curve] = largest(m.by, m.count) / log2_e;
     }
     for (int c = 0; c < s->channels; ++c) {
         float *to = s->wide + tsuya_wide_channel(s, c);
@@ -203,7 +233,7 @@ static double fill_wide(const tsuya_sheen *s)
         to[TSUYA_WIDE_WEFT] = (float)s->strength[1][c];
         to[TSUYA_WIDE_MATTE] = (float)s->matte[c];
     }
-    return surface + fmax(missed[TSUYA_SHEEN_WARP_ALONG] + missed[TSUYA_SHEEN_WARP_ACROSS], missed[TSUYA_SHEEN_WEFT_ALONG] + missed[TSUYA_SHEEN_WEFT_ACROSS]);
+    return fill_terms(s) + fmax(most[TSUYA_SHEEN_WARP_ALONG] + most[TSUYA_SHEEN_WARP_ACROSS], most[TSUYA_SHEEN_WEFT_ALONG] + most[TSUYA_SHEEN_WEFT_ACROSS]);
 }
 
 tsuya_status tsuya_sheen_tables(tsuya_sheen *s)
