@@ -1,6 +1,7 @@
 /* Lamps at the surface: which pieces of them a place sees (Williams, "Casting curved shadows on curved surfaces", SIGGRAPH 1978). */
 #include "brdf/gather_parts.h"
 
+#include "core/color.h"
 #include "core/memory.h"
 
 #include <math.h>
@@ -77,8 +78,6 @@ static bool sees(const gather_shadow *s, tsuya_vec3 p, tsuya_vec3 n, double edge
     return true;
 }
 
-static double luminance(const double rgb[3]) { return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]; }
-
 typedef struct piece_sum { double irradiance[3]; tsuya_vec3 way; bool hidden; } piece_sum;
 
 static void add_piece(piece_sum *sum, const tsuya_gather *g, const tsuya_gather_emitter *e, const gather_shadow *shadow, tsuya_vec3 p, tsuya_vec3 n)
@@ -97,7 +96,7 @@ static void add_piece(piece_sum *sum, const tsuya_gather *g, const tsuya_gather_
     for (int c = 0; c < 3; c++) {
         sum->irradiance[c] += e->rgb[c] * strength * cosine;
     }
-    sum->way = tsuya_vec3_mad(sum->way, luminance(e->rgb) * strength * cosine, wi);
+    sum->way = tsuya_vec3_mad(sum->way, tsuya_rgb_luminance(e->rgb) * strength * cosine, wi);
 }
 
 gather_light tsuya_gather_light(const tsuya_gather *g, const tsuya_gather_lamps *lamps, const gather_shadow *shadow, tsuya_vec3 p, tsuya_vec3 n)
@@ -110,8 +109,8 @@ gather_light tsuya_gather_light(const tsuya_gather *g, const tsuya_gather_lamps 
         add_piece(&sum[lamps->emitter[k].lamp], g, &lamps->emitter[k], &shadow[k], p, n);
     }
     for (int l = 0; l < GATHER_LAMPS; l++) {
-        best = luminance(sum[l].irradiance) > luminance(sum[best].irradiance) ? l : best;
-        all += luminance(sum[l].irradiance);
+        best = tsuya_rgb_luminance(sum[l].irradiance) > tsuya_rgb_luminance(sum[best].irradiance) ? l : best;
+        all += tsuya_rgb_luminance(sum[l].irradiance);
     }
     for (int c = 0; c < 3; c++) {
         light.irradiance[c] = sum[best].irradiance[c];
@@ -122,7 +121,7 @@ gather_light tsuya_gather_light(const tsuya_gather *g, const tsuya_gather_lamps 
     }
     light.wi = tsuya_vec3_unit(sum[best].way);
     light.whole = !sum[best].hidden;
-    all += luminance(lamps->ambient) * M_PI;
-    light.share = all > 0.0 ? luminance(sum[best].irradiance) / all : 0.0;
+    all += tsuya_rgb_luminance(lamps->ambient) * M_PI;
+    light.share = all > 0.0 ? tsuya_rgb_luminance(sum[best].irradiance) / all : 0.0;
     return light;
 }

@@ -4,6 +4,7 @@
  * mesh can turn their own normal to it. */
 #include "capture/studio_light.h"
 
+#include "core/color.h"
 #include "core/memory.h"
 #include "render/frame.h"
 
@@ -83,7 +84,7 @@ static void light_from_lamp(tsuya_studio *s, const place *at_place, int lamp, in
         bool arrives = tsuya_light_sample_at(light, at_place->p, at_place->n, u, &sample) && tsuya_vec3_dot(sample.wi, at_place->n) > 0.0;
         if (arrives) {
             tsuya_ray ray = ray_from(at_place->p, at_place->n, sample.wi, isfinite(sample.distance_m) ? 0.999 * sample.distance_m : INFINITY);
-            double strength = (0.2126 * sample.rgb[0] + 0.7152 * sample.rgb[1] + 0.0722 * sample.rgb[2]) / (light->luminance * sample.pdf);
+            double strength = tsuya_rgb_luminance(sample.rgb) / (light->luminance * sample.pdf);
             above++;
             if (!tsuya_ray_scene_occluded(s->rays, &ray)) {
                 seen++;

@@ -18,6 +18,10 @@ TSUYA_API tsuya_vec3 tsuya_rgb_from_xyz(tsuya_vec3 xyz);
 TSUYA_API tsuya_vec3 tsuya_xyz_adapt(tsuya_vec3 xyz, tsuya_vec3 from, tsuya_vec3 to);
 /* Y of linear rgb. */
 static inline double tsuya_rgb_luminance(const double rgb[3]) { return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]; }
+static inline double tsuya_rgb_luminance_f32(const float rgb[3])
+{
+    return tsuya_rgb_luminance((const double[3]){(double)rgb[0], (double)rgb[1], (double)rgb[2]});
+}
 TSUYA_API tsuya_lab tsuya_lab_from_xyz(tsuya_vec3 xyz, tsuya_vec3 white);
 TSUYA_API tsuya_vec3 tsuya_xyz_from_lab(tsuya_lab lab, tsuya_vec3 white);
 /* Under D65. */

@@ -170,11 +170,6 @@ double tsuya_de00_quantile(const tsuya_de00_histogram *histogram, double share)
     return histogram->pixels > 0 ? 0.02 * TSUYA_DE00_BINS : NAN;
 }
 
-static double luma(const float rgb[3])
-{
-    return 0.2126 * (double)rgb[0] + 0.7152 * (double)rgb[1] + 0.0722 * (double)rgb[2];
-}
-
 /* Weight, a, b, a², b², ab of every compared pixel; zeros elsewhere. */
 static void fill_planes(float *plane, const pair *p, const tsuya_comparison *r)
 {
@@ -188,7 +183,7 @@ static void fill_planes(float *plane, const pair *p, const tsuya_comparison *r)
                 a[c] = tsuya_srgb_encode(tsuya_image_f32(&p->photo, x, y)[c]);
                 b[c] = tsuya_srgb_encode(shown(r, tsuya_image_f32(p->render, x, y), c));
             }
-            double u = p->compared[k] ? luma(a) : 0.0, v = p->compared[k] ? luma(b) : 0.0;
+            double u = p->compared[k] ? tsuya_rgb_luminance_f32(a) : 0.0, v = p->compared[k] ? tsuya_rgb_luminance_f32(b) : 0.0;
             const double value[PLANES] = {p->compared[k], u, v, u * u, v * v, u * v};
             for (size_t i = 0; i < PLANES; ++i) {
                 plane[i * pixels + k] = (float)value[i];

@@ -1,5 +1,6 @@
 #include "render/environment.h"
 
+#include "core/color.h"
 #include "core/memory.h"
 
 #include <string.h>
@@ -37,11 +38,6 @@ static double pixel_solid_angle(const tsuya_environment *e, int y)
     return 2.0 * M_PI / e->width * (cos(M_PI * y / e->height) - cos(M_PI * (y + 1) / e->height));
 }
 
-static double luminance(const float *rgb)
-{
-    return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
-}
-
 /* Power of each pixel, summed along the rows and down the image.  Returns the whole. */
 static double accumulate(tsuya_environment *e)
 {
@@ -52,7 +48,7 @@ static double accumulate(tsuya_environment *e)
             size_t k = (size_t)y * (size_t)e->width + (size_t)x;
             const float *rgb = e->rgb + 3 * k;
             /* every pixel that sends anything is sampled, also where its luminance alone would be lost */
-            double power = omega * fmax(luminance(rgb), 0.05 * fmax(rgb[0], fmax(rgb[1], rgb[2])));
+            double power = omega * fmax(tsuya_rgb_luminance_f32(rgb), 0.05 * fmax(rgb[0], fmax(rgb[1], rgb[2])));
             e->density[k] = power / omega;
             row += power;
             cdf[x + 1] = row;

@@ -91,7 +91,7 @@ tsuya_status tsuya_film_card_exposure(double *exposure_ev, double white[3], cons
             for (int c = 0; c < 3; ++c) {
                 sum[c] += rgb[c];
             }
-            luminance[count++] = 0.2126f * rgb[0] + 0.7152f * rgb[1] + 0.0722f * rgb[2];
+            luminance[count++] = (float)tsuya_rgb_luminance_f32(rgb);
         }
     }
     qsort(luminance, count, sizeof *luminance, compare_floats);
