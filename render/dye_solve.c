@@ -104,7 +104,7 @@ static int compare_double(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* Median of value / (S + B): the gain if every place were white. */
+/* Median of value / (S + B): the gain if every place were white; 0 where a channel is dark (a lamp or a dye without it): it tells no gain. */
 static double white_gain(double ratio[PLACES_MOST], const sample *s, int count, int c)
 {
     int n = 0;
@@ -116,7 +116,7 @@ static double white_gain(double ratio[PLACES_MOST], const sample *s, int count, 
         }
     }
     qsort(ratio, (size_t)n, sizeof *ratio, compare_double);
-    return n > 0 ? ratio[n / 2] : NAN;
+    return n > 0 ? ratio[n / 2] : 0.0;
 }
 
 /* What is minimised over the logarithm of a gain: a share of each channel's disagreement under its own best, and how far a channel may leave the others. */
@@ -131,7 +131,7 @@ static double gain_cost(const gain_search *g, double at)
 {
     double sum = 0.0, off = (at - g->common) / WHITE_BALANCE;
     for (int c = g->channel; c < g->channel + g->channels; c++) {
-        sum += 0.5 * g->looks * disagreement(g->list, g->count, c, exp(at)) / g->best[c];
+        sum += isinf(g->best[c]) ? 0.0 : 0.5 * g->looks * disagreement(g->list, g->count, c, exp(at)) / g->best[c];
     }
     return isnan(g->common) ? sum : sum + 0.5 * off * off;
 }
@@ -152,20 +152,27 @@ static double golden_section(const gain_search *g, double a, double b)
 
 /* The lamps' colours are told as the camera records them, so one gain is sought for all channels, over a wide range in steps, then about
  * the best.  Each channel may leave it by what its photographs say against WHITE_BALANCE: errors of the model are alike all over a
- * photograph, so that there are as many independent readings as photographs.  white: see white_gain. */
+ * photograph, so that there are as many independent readings as photographs.  A dark channel has the gain of the others.  white: see white_gain. */
 static void find_gain(double gain[3], gain_search *g, const double white[3])
 {
-    double cost[GAIN_STEPS + 1] = {0}, low = log(0.3 * fmin(fmin(white[0], white[1]), white[2])), step = log(300.0) / GAIN_STEPS;
+    double cost[GAIN_STEPS + 1] = {0}, least = INFINITY, step = log(300.0) / GAIN_STEPS;
     int at = 0;
+    for (int c = 0; c < 3; c++) {
+        least = white[c] > 0.0 ? fmin(least, white[c]) : least;
+    }
+    const double low = log(0.3 * least);
     for (int c = 0; c < 3; c++) {
         double own[GAIN_STEPS + 1];
         g->best[c] = INFINITY;
+        if (!(white[c] > 0.0)) {
+            continue;
+        }
         for (int k = 0; k <= GAIN_STEPS; k++) {
             own[k] = disagreement(g->list, g->count, c, exp(low + k * step));
             g->best[c] = fmin(g->best[c], own[k]);
         }
         g->best[c] = fmax(g->best[c], 1e-9);
-        for (int k = 0; k <= GAIN_STEPS; k++) {
+        for (int k = 0; k <= GAIN_STEPS && isfinite(g->best[c]); k++) {
             cost[k] += own[k] / g->best[c];
         }
     }
@@ -209,7 +216,7 @@ static tsuya_status find_gains(tsuya_dye_info *info, const tsuya_dye_problem *p)
     }
     gain_search search = {.list = s, .count = count, .looks = p->view_count};
     find_gain(info->gain, &search, white);
-    if (!isfinite(info->gain[0] + info->gain[1] + info->gain[2])) {
+    if (isinf(fmin(search.best[0], fmin(search.best[1], search.best[2])))) {
         status = tsuya_fail(TSUYA_ERROR_INPUT, "dye: no place of the cloth is lit and seen by three photographs; dyes need some");
     }
 done:

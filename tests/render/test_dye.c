@@ -155,6 +155,23 @@ static void test_dyes_come_back(void **state)
     tsuya_mesh_free(&again);
 }
 
+/* Lamps without blue: the other two channels say what they would have said. */
+static void test_a_dark_channel(void **state)
+{
+    (void)state;
+    session s;
+    tsuya_mesh dyed;
+    tsuya_dye_info info;
+    photograph(&s, "{\"lights\": [{\"type\": \"rect\", \"position_m\": [3, -2, 4], \"direction\": [-3, 2, -4], \"up\": [0, 0, 1], \"size_m\": [1, 1], \"rgb\": [30, 28, 0]},"
+                   " {\"type\": \"environment\", \"rgb\": [0.2, 0.2, 0]}]}");
+    solve(&dyed, &info, &s, 2);
+    print_message("gain %.3f %.3f %.3f\n", info.gain[0], info.gain[1], info.gain[2]);
+    for (int c = 0; c < 3; c++) {
+        assert_true(fabs(info.gain[c] - 1.0) < 0.03);
+    }
+    tsuya_mesh_free(&dyed);
+}
+
 static void test_bad_inputs(void **state)
 {
     (void)state;
@@ -226,6 +243,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_dyes_come_back),
+        cmocka_unit_test(test_a_dark_channel),
         cmocka_unit_test(test_bad_inputs),
         cmocka_unit_test(test_split),
     };
