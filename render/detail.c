@@ -189,7 +189,7 @@ static tsuya_status simplify_patch(patch *p, const work *w, bench *b, double err
 /* Every patch that is still wanted. */
 static tsuya_status simplify(work *w, int attempt)
 {
-    tsuya_status status = TSUYA_OK;
+    tsuya_failure failure = {0};
 #pragma omp parallel num_threads(w->context->threads)
     {
         bench *b = bench_create(w);
@@ -199,13 +199,13 @@ static tsuya_status simplify(work *w, int attempt)
             tsuya_status one = !p->wanted ? TSUYA_OK : !b ? TSUYA_ERROR_MEMORY
                                : simplify_patch(p, w, b, part_of_try[attempt] * w->options->distance_px * p->pixel);
             if (one != TSUYA_OK) {
-#pragma omp atomic write
-                status = one;
+#pragma omp critical(tsuya_detail)
+                tsuya_failure_keep(&failure, k, one);
             }
         }
         tsuya_free(b);
     }
-    return status;
+    return tsuya_failure_raise(&failure);
 }
 
 /* --- the simplified mesh, held against every vertex --- */
@@ -343,6 +343,7 @@ static tsuya_status judge(work *w, offence *worst, bool last, size_t *failed)
     tsuya_mesh coarse = {0};
     tsuya_ray_scene *rays = NULL;
     tsuya_status status;
+    tsuya_failure failure = {0};
     size_t bad = 0;
     TSUYA_GOTO_DONE(status, gather(&coarse, w));
     TSUYA_GOTO_DONE(status, tsuya_ray_scene_create(&rays, &coarse));
@@ -352,14 +353,18 @@ static tsuya_status judge(work *w, offence *worst, bool last, size_t *failed)
 #pragma omp for schedule(dynamic, 1)
         for (size_t k = 0; k < w->patch_count; ++k) {
             patch *p = &w->patch[k];
-            if (p->wanted && p->coarse) {
-                worst[k] = b ? offence_of_patch(p, w, b, &coarse, rays) : (offence){.strange = true};
+            if (p->wanted && !b) {
+#pragma omp critical(tsuya_detail)
+                tsuya_failure_keep(&failure, k, TSUYA_ERROR_MEMORY);
+            } else if (p->wanted && p->coarse) {
+                worst[k] = offence_of_patch(p, w, b, &coarse, rays);
                 p->wanted = worst[k].strange;
                 bad += p->wanted;
             }
         }
         tsuya_free(b);
     }
+    TSUYA_GOTO_DONE(status, tsuya_failure_raise(&failure));
     for (size_t k = 0; k < w->patch_count; ++k) {
         if (w->patch[k].wanted && last) {
             tsuya_free(w->patch[k].coarse);

@@ -1,5 +1,6 @@
 #include "render/path.h"
 
+#include "core/color.h"
 #include "core/memory.h"
 
 #include "render/trace.h"
@@ -10,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { TILE_PX = 16, BLOCK = 4, PILOT_SPP = 2 * BLOCK, EMPTY_SPP = BLOCK, AROUND = 3, SIDE = 2 * AROUND + 1 };
+enum { TILE_PX = 16, BLOCK = 4, EMPTY_SPP = BLOCK, AROUND = 3, SIDE = 2 * AROUND + 1 };
 
 /* Stream of the rays that look for the cloth, apart from every pixel's own. */
 static const uint64_t FINDER = 0x66696e646572;
@@ -41,7 +42,7 @@ static void add_to_block(pixel_sum *sum, double luminance)
 
 static void add_sample(pixel_sum *sum, const double rgb[3], bool met)
 {
-    double luminance = 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2], d = luminance - sum->mean;
+    double luminance = tsuya_rgb_luminance(rgb), d = luminance - sum->mean;
     sum->samples++;
     sum->mean += d / sum->samples;
     sum->spread += d * (luminance - sum->mean);
@@ -278,7 +279,7 @@ static uint64_t find_cloth(picture *p, int spp, const tsuya_context *context)
                 int i = x + k % SIDE - AROUND, j = y + k / SIDE - AROUND;
                 *here = i >= 0 && i < width && j >= 0 && j < height && p->cloth[(size_t)j * (size_t)width + (size_t)i] == 2;
             }
-            int pilot = *here ? PILOT_SPP : EMPTY_SPP;
+            int pilot = *here ? TSUYA_PATH_PILOT_SPP : EMPTY_SPP;
             p->target[(size_t)y * (size_t)width + (size_t)x] = (uint32_t)(pilot < spp ? pilot : spp);
         }
     }

@@ -24,6 +24,9 @@ typedef struct tsuya_path_options {
 } tsuya_path_options;
 TSUYA_API tsuya_path_options tsuya_path_options_default(void); /* 64 spp, noise 0, 4 bounces, lamps visible, MIS */
 
+/* Samples of a pixel before anything is known of it. */
+enum { TSUYA_PATH_PILOT_SPP = 8 };
+
 /* With `noise` E, every pixel at or near the cloth first gets a pilot of 8 samples, the others 4; then as many as the
  * variance that the pilots saw in the 48 pixels around it asks for.  What is at the cloth is told by rays of their own that count
  * for nothing else.  A pixel's number of samples therefore never depends on its own values, and its mean stays unbiased.

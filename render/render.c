@@ -11,7 +11,7 @@
 #include <string.h>
 
 /* Raised when the pictures of unchanged inputs change. */
-static const char stage_version[] = "render 7";
+static const char stage_version[] = "render 8";
 
 tsuya_render_options tsuya_render_options_default(void)
 {
@@ -164,6 +164,10 @@ static tsuya_status hash_inputs(stage *s)
     hash_numbers(hasher, s->options->transmission, 3);
     hash_numbers(hasher, (const double[]){s->setup.preset}, 1);
     hash_vec3(hasher, s->setup.up);
+    /* which triangles were left out depends on all pictures of the run */
+    hash_numbers(hasher, (const double[]){(double)s->setup.coarse.triangle_count}, 1);
+    tsuya_hasher_add(hasher, s->setup.coarse.triangle, 3 * s->setup.coarse.triangle_count * sizeof *s->setup.coarse.triangle);
+    tsuya_hasher_add(hasher, s->setup.coarse.position, 3 * s->setup.coarse.vertex_count * sizeof *s->setup.coarse.position);
     tsuya_hasher_add(hasher, &s->context->seed, sizeof s->context->seed);
     s->inputs = tsuya_hasher_end(hasher);
     return status;

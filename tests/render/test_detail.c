@@ -2,6 +2,7 @@
 #include "support.h"
 
 #include "core/context.h"
+#include "core/memory.h"
 
 #include "render/detail.h"
 
@@ -133,6 +134,37 @@ static void test_any_number_of_threads(void **state)
     tsuya_mesh_free(&mesh);
 }
 
+/* A reason for each allocation that fails, in this thread's name, and nothing left behind. */
+static void test_every_allocation_may_fail(void **state)
+{
+    (void)state;
+    tsuya_mesh mesh, coarse;
+    tsuya_detail_info info;
+    tsuya_context context = tsuya_context_default();
+    tsuya_detail_options options = tsuya_detail_options_default();
+    uint64_t refused = 0;
+    context.threads = 1;
+    scene_sphere(&mesh, radius, 40, false);
+    tsuya_detail_view view = view_of(&mesh, 10.0, 6.0);
+    for (uint64_t n = 1;; ++n) {
+        assert_int_equal(tsuya_fail(TSUYA_ERROR_INPUT, "another"), TSUYA_ERROR_INPUT);
+        tsuya_memory_fail_at(n);
+        tsuya_status status = tsuya_mesh_detail(&coarse, &info, &mesh, &view, 1, &options, &context);
+        tsuya_memory_fail_at(0);
+        if (status == TSUYA_OK) {
+            break;
+        }
+        assert_int_equal(status, TSUYA_ERROR_MEMORY);
+        assert_string_not_equal(tsuya_reason(), "another");
+        assert_null(coarse.position);
+        ++refused;
+    }
+    print_message("%u allocations\n", (unsigned)refused);
+    assert_true(refused > 10);
+    tsuya_mesh_free(&coarse);
+    tsuya_mesh_free(&mesh);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -140,6 +172,7 @@ int main(void)
         cmocka_unit_test(test_near_views_keep_everything),
         cmocka_unit_test(test_what_the_vertices_carry_stays),
         cmocka_unit_test(test_any_number_of_threads),
+        cmocka_unit_test(test_every_allocation_may_fail),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -139,6 +139,43 @@ static void test_cameras(void **state)
     assert_string_equal(a.hex, b.hex);
 }
 
+/* What may be left out is decided by all cameras of a run: a picture of an earlier run with others may be another one. */
+static void test_resume_knows_the_detail(void **state)
+{
+    (void)state;
+    const tsuya_camera camera = {.lens = TSUYA_LENS_PINHOLE, .width_px = 64, .height_px = 48, .fx_px = 64, .fy_px = 64, .cx_px = 31.5, .cy_px = 23.5};
+    tsuya_context context = tsuya_context_default();
+    tsuya_render_options options = small_options("detail");
+    tsuya_render_info info;
+    tsuya_mesh mesh;
+    char path[2][TEST_PATH], fine[TEST_PATH];
+    const char *cameras[] = {path[0], path[1]};
+    scene_plane(&mesh, 1.0, 60);
+    snprintf(fine, sizeof fine, "%s", test_path("fine.ply"));
+    assert_ok(tsuya_ply_save(&mesh, fine, NULL));
+    for (int k = 0; k < 2; ++k) {
+        snprintf(path[k], TEST_PATH, "%s", test_path(k ? "near.cameramodel" : "far.cameramodel"));
+        assert_ok(tsuya_cameramodel_save(&camera, tsuya_pose_look_at((tsuya_vec3){0.1, 0, k ? 0.3 : 8.0}, (tsuya_vec3){0, 0, 0}, (tsuya_vec3){0, 1, 0}), path[k]));
+    }
+    options.mesh_path = fine;
+    options.camera_path = cameras;
+    options.camera_count = 1;
+    options.exposure_ev = 0.0;
+    options.spp = 2; /* finding what can go would cost more than it saves */
+    assert_ok(tsuya_render(&info, &options, &context));
+    assert_int_equal(info.triangles_rendered, mesh.triangle_count);
+    options.spp = 16;
+    assert_ok(tsuya_render(&info, &options, &context));
+    assert_true(info.triangles_rendered < mesh.triangle_count / 2);
+    options.camera_count = 2;
+    assert_ok(tsuya_render(&info, &options, &context));
+    assert_int_equal(info.triangles_rendered, mesh.triangle_count);
+    assert_int_equal(info.frames_reused, 0);
+    assert_ok(tsuya_render(&info, &options, &context));
+    assert_int_equal(info.frames_reused, 2);
+    tsuya_mesh_free(&mesh);
+}
+
 static void check_color(const char *text, tsuya_lab expected, double tolerance)
 {
     double rgb[3];
@@ -365,6 +402,7 @@ int main(void)
         cmocka_unit_test(test_turntable_and_resume),
         cmocka_unit_test(test_figures),
         cmocka_unit_test(test_cameras),
+        cmocka_unit_test(test_resume_knows_the_detail),
         cmocka_unit_test(test_colors_are_read),
         cmocka_unit_test(test_colors_show_as_asked),
         cmocka_unit_test(test_several_materials),
