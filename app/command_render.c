@@ -10,7 +10,7 @@
 
 enum {
     KEY_MATERIAL = 1, KEY_LIGHTS, KEY_CAMERA, KEY_TURNTABLE, KEY_SIZE, KEY_ELEVATION, KEY_UP, KEY_COLOR, KEY_SPP, KEY_NOISE,
-    KEY_BOUNCES, KEY_DETAIL, KEY_EXPOSURE, KEY_REFERENCE, KEY_LIKE, KEY_MASK, KEY_GAIN, KEY_TRANSMISSION, KEY_WHITE, LIST = 256,
+    KEY_BOUNCES, KEY_DETAIL, KEY_TOLERANCE, KEY_EXPOSURE, KEY_REFERENCE, KEY_LIKE, KEY_MASK, KEY_GAIN, KEY_TRANSMISSION, KEY_WHITE, LIST = 256,
 };
 
 typedef struct render_input {
@@ -32,6 +32,7 @@ static const struct argp_option render_options[] = {
     {"transmission", KEY_TRANSMISSION, "R,G,B", 0, "Share of the light that thin cloth lets through, spread evenly (default: none)", 0},
     {"spp", KEY_SPP, "N", 0, "Samples a pixel (default 64)", 0},
     {"noise", KEY_NOISE, "E", 0, "Stop a pixel at this relative error; --spp is then the most it gets", 0},
+    {"tolerance", KEY_TOLERANCE, "E", 0, "Render each material by the cheapest model that, at the size of a pixel, is off by at most E on cube roots (default 0: by its own)", 0},
     {"detail", KEY_DETAIL, "PX", 0, "Leave out triangles smaller than half a pixel, as far as no vertex is off by more than PX (default 0.1; 0: never)", 0},
     {"bounces", KEY_BOUNCES, "N", 0, "Reflections along a path (default 4; 1: lamps only)", 0},
     {"exposure", KEY_EXPOSURE, "EV", 0, "Of the PNGs (default: a white card in the place of the cloth shows display white)", 0},
@@ -135,6 +136,7 @@ static error_t parse_render(int key, char *arg, struct argp_state *state)
         return 0;
     case KEY_SPP: o->spp = tsuya_argument_int(state, "--spp", arg, 1, 1 << 20); return 0;
     case KEY_NOISE: o->noise = tsuya_argument_number(state, "--noise", arg, 1e-4, 1.0); return 0;
+    case KEY_TOLERANCE: o->tolerance = tsuya_argument_number(state, "--tolerance", arg, 0.0, 1.0); return 0;
     case KEY_DETAIL: o->detail_px = tsuya_argument_number(state, "--detail", arg, 0.0, 10.0); return 0;
     case KEY_BOUNCES: o->bounces = tsuya_argument_int(state, "--bounces", arg, 1, 64); return 0;
     case KEY_EXPOSURE: o->exposure_ev = tsuya_argument_number(state, "--exposure", arg, -40.0, 40.0); return 0;

@@ -4,6 +4,7 @@
 #include "brdf/fit_lobes.h"
 #include "brdf/fit_parts.h"
 #include "brdf/fit_sheen.h"
+#include "brdf/sampling.h"
 #include "brdf/tanaka.h"
 #include "core/memory.h"
 #include "core/table.h"
@@ -14,6 +15,8 @@
 static const char *const model_names[] = {"auto", "lambert", "ggx", "ggx-aniso", "ward", "ashikhmin", "tanaka", "yarn", "ndf", "nurbs3", NULL};
 /* Of a larger table, so many samples are held out from and choose the model; all of them fit it. */
 enum { FEWEST = 8, CHOOSING = 20000 };
+/* Pairs of directions for which a material is asked when another model is to stand for it. */
+enum { DESIGN = 3000, DESIGN_STREAM = 0x64657369 };
 
 const char *const *tsuya_fit_model_names(void) { return model_names; }
 
@@ -47,6 +50,16 @@ static void hold_at_one(tsuya_material *m)
     for (int c = 0; c < m->channel_count && over; ++c) {
         m->dye[c] = fmin(m->dye[c], 0.995); /* the albedo's table is good to a few 1e-3, and the sum stays below 1 */
     }
+}
+
+static bool any_dye(const tsuya_material *m)
+{
+    for (int c = 0; c < m->channel_count; ++c) {
+        if (m->dye[c] > 0.0) {
+            return true;
+        }
+    }
+    return false;
 }
 
 static tsuya_status fit_once(tsuya_material **material, double *reciprocal_condition, const tsuya_brdf_model *model, training *t,
@@ -300,6 +313,55 @@ static tsuya_status check_samples(const tsuya_samples *s, const tsuya_fit_option
     const char *nearest = tsuya_nearest_name(options->model, model_names);
     return tsuya_fail(TSUYA_ERROR_INPUT, "model '%s' is not known%s%s", options->model, nearest ? "; the nearest known one is " : "",
                       nearest ? nearest : "");
+}
+
+/* Viewers spread by the cosine; lights by the cosine and by the material's own density in turns. */
+static void draw_pair(tsuya_vec3 *wi, tsuya_vec3 *wo, const tsuya_material *m, int k)
+{
+    double u[5];
+    for (int c = 0; c < 5; ++c) {
+        u[c] = tsuya_random_uniform(DESIGN_STREAM, (uint64_t)c, (uint64_t)k);
+    }
+    *wo = tsuya_sample_cosine(u[0], u[1]);
+    if (k % 2 == 0 || !tsuya_material_sample(m, NULL, *wo, u + 2, wi)) {
+        *wi = tsuya_sample_cosine(u[2], u[3]);
+    }
+    wo->z = fmax(wo->z, 1e-3);
+    wi->z = fmax(wi->z, 1e-3);
+}
+
+tsuya_status tsuya_material_refit(tsuya_material **other, double *diffuse, const tsuya_material *material, const char *model)
+{
+    const double no_dye[TSUYA_MATERIAL_MAX_CHANNELS] = {0};
+    const tsuya_brdf_model *wanted = tsuya_brdf_model_find(model);
+    const int channels = material->channel_count;
+    tsuya_samples samples = {0};
+    training t = {.samples = &samples};
+    double condition;
+    *other = NULL;
+    if (!wanted) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "model '%s' is not known", model);
+    }
+    tsuya_status status;
+    TSUYA_GOTO_DONE(status, tsuya_samples_create(&samples, DESIGN, channels, material->channel));
+    for (int k = 0; k < DESIGN; ++k) {
+        draw_pair(&samples.wi[k], &samples.wo[k], material, k);
+        tsuya_material_eval(material, no_dye, samples.wi[k], samples.wo[k], samples.value + (size_t)k * (size_t)channels);
+    }
+    TSUYA_GOTO_DONE(status, fit_once(other, &condition, wanted, &t, material->name));
+    tsuya_material *m = *other;
+    for (int c = 0; c < channels; ++c) {
+        diffuse[c] = m->dye[c];
+        m->dye[c] = fmin(m->dye[c] + material->dye[c], 1.0);
+    }
+    hold_at_one(m);
+    m->coupling = material->coupling == TSUYA_DYE_UNDER_SURFACE && any_dye(material) ? TSUYA_DYE_UNDER_SURFACE : m->coupling;
+    m->relative = material->relative;
+    m->is_default = material->is_default;
+done:
+    tsuya_sheen_free(t.guide);
+    tsuya_samples_free(&samples);
+    return status;
 }
 
 tsuya_status tsuya_brdf_fit(tsuya_material **material, tsuya_fit_info *info, tsuya_fit_info *candidates, int *candidate_count,

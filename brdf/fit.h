@@ -35,6 +35,11 @@ TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_brdf_fit(tsuya_material **material
                                                        int *candidate_count, const tsuya_samples *samples,
                                                        const tsuya_fit_options *options, const tsuya_context *context);
 
+/* What another model makes of a material: fitted to 3000 values of its surface part over the whole hemisphere, under its dye.  A model with a
+ * diffuse part of its own gets that as dye: `diffuse` (channel_count numbers) says how much, which belongs on top of any dye that a
+ * caller gives in place of the material's own.  Cost: up to a second, and what tsuya_material_create takes. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_material_refit(tsuya_material **other, double *diffuse, const tsuya_material *material, const char *model);
+
 /* Predictions of a material for the samples' directions, count × channel_count. */
 TSUYA_API void tsuya_material_predict(double *predicted, const tsuya_material *material, const tsuya_samples *samples);
 /* How far a material is from physics: Σ |f(wi, wo) − f(wo, wi)| cosθi cosθo over half the sum of both, for 4096 pairs of directions up

@@ -71,6 +71,7 @@ set(TSUYA_PUBLIC_HEADERS
   render/light.h
   render/path.h
   render/preset.h
+  render/reflectance.h
   render/render.h
   render/scene.h
   render/views.h

@@ -168,6 +168,9 @@ static tsuya_status hash_inputs(stage *s)
     hash_numbers(hasher, (const double[]){(double)s->setup.coarse.triangle_count}, 1);
     tsuya_hasher_add(hasher, s->setup.coarse.triangle, 3 * s->setup.coarse.triangle_count * sizeof *s->setup.coarse.triangle);
     tsuya_hasher_add(hasher, s->setup.coarse.position, 3 * s->setup.coarse.vertex_count * sizeof *s->setup.coarse.position);
+    for (int k = 0; k < s->setup.material_count; ++k) { /* and so does what stands for a material */
+        tsuya_hasher_add_text(hasher, s->setup.choice[k].model);
+    }
     tsuya_hasher_add(hasher, &s->context->seed, sizeof s->context->seed);
     s->inputs = tsuya_hasher_end(hasher);
     return status;
@@ -279,14 +282,16 @@ static tsuya_status save_film(const stage *s, const tsuya_render_frame *f, const
     snprintf(samples, sizeof samples, "%.6g", info->spp_mean);
     snprintf(bounces, sizeof bounces, "%d", s->path.bounces);
     snprintf(camera, sizeof camera, "%.120s; fx %.6f fy %.6f cx %.6f cy %.6f", f->source, c->fx_px, c->fy_px, c->cx_px, c->cy_px);
-    char wavelengths[32], detail[160];
+    char wavelengths[32], detail[160], model[128];
+    const tsuya_material_info first = tsuya_material_get_info(s->setup.material[0]);
+    snprintf(model, sizeof model, "%.60s; rendered as %.20s (off by %.3g)", first.name, s->setup.choice[0].model, s->setup.choice[0].error);
     const tsuya_detail_info *d = &s->setup.detail;
     snprintf(detail, sizeof detail, "%zu of %zu triangles; vertices off by up to %.3f px, normals %.2f, weft %.2f degrees, colour %.1f of 255", d->triangles_after,
              d->triangles_before, d->distance_px, d->normal_deg, d->weft_deg, d->color);
     snprintf(wavelengths, sizeof wavelengths, "%d", s->setup.bands ? s->setup.bands->count : 0);
     tsuya_film_note note = {.count = s->setup.bands ? 10 : 8,
                             .name = {"software", "camera", "model", "seed", "samples", "bounces", "colorSpace", "detail", "wavelengths", "adaptation"},
-                            .value = {"tsuya " TSUYA_VERSION, camera, tsuya_material_get_info(s->setup.material[0]).name, seed, samples,
+                            .value = {"tsuya " TSUYA_VERSION, camera, model, seed, samples,
                                       bounces, "linear Rec.709", detail, wavelengths, "none (D65)"}};
     TSUYA_TRY(tsuya_film_save_exr(film, exr, &note));
     return tsuya_film_save_png(film, png, s->exposure_ev, s->options->adapt_to_lamps ? &s->adapt : NULL);
@@ -416,6 +421,22 @@ static void describe_detail(stage *s)
     tsuya_json_set_number(detail, "color_of_255", d->color);
 }
 
+/* The model that the pictures were rendered with, and what cheaper ones are off by. */
+static void describe_choice(tsuya_json *material, const tsuya_reflectance_choice *choice, double tolerance)
+{
+    tsuya_json *entry = tsuya_json_set_object(material, "rendered_as");
+    tsuya_json_set_text(entry, "model", choice->model);
+    tsuya_json_set_number(entry, "tolerance", tolerance);
+    tsuya_json_set_number(entry, "error", choice->error);
+    tsuya_json_set_number(entry, "pixels", choice->pixels);
+    tsuya_json *tried = tsuya_json_set_array(entry, "tried");
+    for (int k = 0; k < choice->tried; ++k) {
+        tsuya_json *one = tsuya_json_add_object(tried);
+        tsuya_json_set_text(one, "model", choice->candidate[k]);
+        tsuya_json_set_number(one, "error", choice->candidate_error[k]);
+    }
+}
+
 static void describe(stage *s)
 {
     static const char *const dye_name[] = {"material", "vertex colours", "colour"};
@@ -427,6 +448,7 @@ static void describe(stage *s)
         tsuya_json_set_text(entry, "model", m.model);
         tsuya_json_set_bool(entry, "default", m.is_default);
         tsuya_json_set_text(entry, "note", m.note);
+        describe_choice(entry, &s->setup.choice[k], s->options->tolerance);
     }
     tsuya_json_set_text(s->document, "mesh", s->options->mesh_path);
     tsuya_json_set_text(s->document, "lights", s->setup.studio ? "studio standing with the camera" : s->options->lights_path);

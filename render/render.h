@@ -36,6 +36,7 @@ typedef struct tsuya_render_options {
     double noise;                    /* > 0: relative standard error that a pixel aims at; see render/path.h */
     int bounces;                     /* reflections along a path; 1: lamps only */
     double detail_px;                /* triangles smaller than half a pixel may be left out as far as no vertex is off by more than this, see render/detail.h; 0: never */
+    double tolerance;                /* > 0: the cheapest reflectance model that at the size of a pixel is off by no more, see render/reflectance.h; 0: the materials' own */
     double exposure_ev;              /* of the PNGs; NaN: from a white card in the first picture, see render/film.h; of a coloured white, unless adapted to, the strongest channel reaches display white */
     bool adapt_to_lamps;             /* PNGs as an eye sees them that has adapted to the lamps' white; false: to D65 */
     const char *reference_path;      /* linear EXR to compare the first picture with; NULL: none */

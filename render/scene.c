@@ -218,6 +218,10 @@ void tsuya_scene_occluded_packet(const tsuya_scene *scene, const tsuya_ray *ray,
     tsuya_ray_scene_occluded_packet(scene->rays, ray, count, occluded);
 }
 
+const tsuya_shader *tsuya_scene_shader(const tsuya_scene *scene, int index) { return &scene->shader[index]; }
+
+void tsuya_scene_set_shader(tsuya_scene *scene, int index, const tsuya_shader *shader) { scene->shader[index] = *shader; }
+
 const tsuya_bands *tsuya_scene_bands(const tsuya_scene *scene) { return scene->bands; }
 
 const double *tsuya_scene_dye_of_bands(const tsuya_scene *scene) { return scene->dye_of_bands; }
@@ -291,12 +295,13 @@ static void set_frame(tsuya_surface *s, const scene_vertex *const v[3], const do
 
 static void set_dye(const tsuya_scene *scene, tsuya_surface *s, const scene_vertex *const v[3], const double b[3])
 {
-    for (int c = 0; c < 3; ++c) {
-        s->dye_rgb[c] = b[0] * v[0]->dye[c] + b[1] * v[1]->dye[c] + b[2] * v[2]->dye[c];
-    }
-    s->dye = scene->dye == TSUYA_DYE_OF_MATERIAL ? NULL : s->dye_rgb;
     int nearest = b[1] > b[0] ? (b[2] > b[1] ? 2 : 1) : (b[2] > b[0] ? 2 : 0);
     s->shader = &scene->shader[v[nearest]->material];
+    s->dye = scene->dye == TSUYA_DYE_OF_MATERIAL ? NULL : s->dye_rgb;
+    for (int c = 0; s->dye && c < 3; ++c) {
+        double dye = b[0] * v[0]->dye[c] + b[1] * v[1]->dye[c] + b[2] * v[2]->dye[c] + s->shader->under[c];
+        s->dye_rgb[c] = dye < 1.0 ? dye : 1.0;
+    }
 }
 
 void tsuya_scene_surface(const tsuya_scene *scene, const tsuya_ray_hit *hit, tsuya_vec3 wo, tsuya_surface *s)

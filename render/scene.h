@@ -23,6 +23,7 @@ typedef struct tsuya_shader {
     /* Share of the light that falls on one side and leaves the other, evenly spread (thin cloth, Lambert), both ways alike.  What
      * is reflected and this together must not exceed 1. */
     double transmittance[3];
+    double under[3]; /* a diffuse part that lies with any dye, which is added to the surface's (tsuya_material_refit) */
 } tsuya_shader;
 
 /* Borrows the material.  Fails unless its channels are r, g, b or wavelengths as render/bands.h wants them. */
@@ -77,6 +78,9 @@ bool tsuya_scene_occluded(const tsuya_scene *scene, const tsuya_ray *ray);
 /* As in render/embree_adapter.h. */
 void tsuya_scene_intersect_packet(const tsuya_scene *scene, const tsuya_ray *ray, int count, tsuya_ray_hit *hit, bool *met);
 void tsuya_scene_occluded_packet(const tsuya_scene *scene, const tsuya_ray *ray, int count, bool *occluded);
+/* What stands behind the mesh's material index, borrowed; and another in its place (not while the scene is rendered). */
+const tsuya_shader *tsuya_scene_shader(const tsuya_scene *scene, int index);
+void tsuya_scene_set_shader(tsuya_scene *scene, int index, const tsuya_shader *shader);
 /* NULL: r, g, b. */
 const tsuya_bands *tsuya_scene_bands(const tsuya_scene *scene);
 /* The one dye's spectrum; NULL: surfaces have dyes of their own. */

@@ -264,6 +264,29 @@ static tsuya_status choose_detail(tsuya_render_setup *s, const tsuya_render_opti
     return tsuya_mesh_detail(&s->coarse, &s->detail, &s->mesh, view, s->frame_count, &options, context);
 }
 
+/* Cheaper models in the place of the materials, where nobody can tell at the size of a pixel. */
+static tsuya_status choose_reflectance(tsuya_render_setup *s, const tsuya_render_options *o, const tsuya_context *context)
+{
+    tsuya_reflectance_view *view = tsuya_arena_alloc(s->arena, (size_t)s->frame_count, sizeof *view);
+    s->simple = tsuya_arena_alloc(s->arena, (size_t)s->material_count, sizeof *s->simple);
+    s->choice = tsuya_arena_alloc(s->arena, (size_t)s->material_count, sizeof *s->choice);
+    if (!view || !s->simple || !s->choice) {
+        return TSUYA_ERROR_MEMORY;
+    }
+    for (int k = 0; k < s->frame_count; ++k) {
+        view[k] = (tsuya_reflectance_view){&s->frame[k].camera, s->frame[k].camera_from_world};
+    }
+    for (int k = 0; k < s->material_count; ++k) {
+        tsuya_shader shader = *tsuya_scene_shader(s->scene, k);
+        TSUYA_TRY(tsuya_reflectance_choose(&s->simple[k], shader.under, &s->choice[k], s->scene, k, view, s->frame_count, o->tolerance, context));
+        if (s->simple[k]) {
+            shader.material = shader.user = s->simple[k];
+            tsuya_scene_set_shader(s->scene, k, &shader);
+        }
+    }
+    return TSUYA_OK;
+}
+
 /* A name, or a file whose "preset" is one. */
 static tsuya_status load_lights(tsuya_render_setup *s, const tsuya_render_options *o)
 {
@@ -311,7 +334,8 @@ static tsuya_status set_up(tsuya_render_setup *s, const tsuya_render_options *o,
     TSUYA_TRY(load_lights(s, o));
     TSUYA_TRY(list_frames(s, o));
     TSUYA_TRY(choose_detail(s, o, context));
-    return make_scene(s, o);
+    TSUYA_TRY(make_scene(s, o));
+    return choose_reflectance(s, o, context);
 }
 
 tsuya_status tsuya_render_setup_create(tsuya_render_setup *setup, const tsuya_render_options *options, const tsuya_context *context)
@@ -329,6 +353,7 @@ void tsuya_render_setup_free(tsuya_render_setup *setup)
     tsuya_scene_free(setup->scene);
     for (int k = 0; setup->material && k < setup->material_count; ++k) {
         tsuya_material_free(setup->material[k]);
+        tsuya_material_free(setup->simple ? setup->simple[k] : NULL);
     }
     tsuya_free(setup->material);
     tsuya_light_set_free(&setup->lights);

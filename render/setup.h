@@ -6,6 +6,7 @@
 
 #include "render/detail.h"
 #include "render/preset.h"
+#include "render/reflectance.h"
 #include "render/render.h"
 #include "render/scene.h"
 
@@ -25,6 +26,8 @@ typedef struct tsuya_render_setup {
     tsuya_detail_info detail;
     tsuya_material **material;
     int material_count;
+    tsuya_material **simple;   /* by material: what stands for it; NULL entries: itself */
+    tsuya_reflectance_choice *choice; /* by material */
     bool default_material;
     tsuya_scene *scene;
     tsuya_dye_source dye;
