@@ -49,7 +49,7 @@ void tsuya_finding_believe(tsuya_finding *finding);
  * the patch is looked at alone. */
 void tsuya_detector_follow(tsuya_detector *detector, tsuya_threads *threads, const tsuya_finding *const *finding, int count, const float *values);
 
-/* Alternatives that the windows around (columns × rows of them) believe gain, others lose. */
+/* Alternatives that the windows around (columns × rows of them) believe gain, others lose; "no threads" is one of them. */
 TSUYA_MUST_CHECK tsuya_status tsuya_findings_pool(tsuya_finding *finding, int columns, int rows);
 
 #endif

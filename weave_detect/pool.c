@@ -7,14 +7,14 @@
 
 enum { REACH = 2 };
 static const double ALIKE_RAD = 8.0 * M_PI / 180.0, ALIKE_PERIOD = 0.15;
-static const double STRANGER = 0.08; /* the weight of an alternative that no neighbour has */
+static const double STRANGER = 0.08; /* the least weight, of an alternative that no neighbour has */
 
 static bool is_alike(const tsuya_alternative *a, int i, const tsuya_alternative *b, int j)
 {
     return fabs(a->length[i] - b->length[j]) < ALIKE_PERIOD * b->length[j] && tsuya_line_difference(a->angle_rad[i], b->angle_rad[j]) < ALIKE_RAD;
 }
 
-static double support(const tsuya_alternative *a, const tsuya_finding *other)
+static double support_of(const tsuya_alternative *a, const tsuya_finding *other)
 {
     double sum = 0.0;
     for (int k = 0; k < other->count; k++) {
@@ -25,34 +25,50 @@ static double support(const tsuya_alternative *a, const tsuya_finding *other)
     return sum;
 }
 
-static void weigh(float *probability, const tsuya_finding *list, int columns, int rows, int column, int row)
+enum { NONE = TSUYA_ALTERNATIVES, EVERY }; /* a finding's alternatives, the last of them "no threads" */
+
+static double of_alternative(const tsuya_finding *f, int k) { return (double)(k == NONE ? f->none_probability : f->alternative[k].probability); }
+
+/* Mean over the windows around of what they believe of each alternative; the sum of their weights. */
+static double support_around(double support[EVERY], const tsuya_finding *list, int columns, int rows, int column, int row)
 {
     const tsuya_finding *own = &list[row * columns + column];
-    double sum[TSUYA_ALTERNATIVES] = {0.0}, neighbours = 0.0, all = (double)own->none_probability;
+    double neighbours = 0.0;
     for (int j = -REACH; j <= REACH; j++) {
         for (int i = -REACH; i <= REACH; i++) {
             int x = column + i, y = row + j;
             if ((i == 0 && j == 0) || x < 0 || y < 0 || x >= columns || y >= rows || list[y * columns + x].empty) {
                 continue;
             }
+            const tsuya_finding *other = &list[y * columns + x];
             double weight = 1.0 / (i * i + j * j);
             neighbours += weight;
             for (int k = 0; k < own->count; k++) {
-                sum[k] += weight * support(&own->alternative[k], &list[y * columns + x]);
+                support[k] += weight * support_of(&own->alternative[k], other);
             }
+            support[NONE] += weight * (double)other->none_probability;
         }
     }
-    double trust = neighbours / (neighbours + 1.0), typical = 0.0;
-    for (int k = 0; k < own->count; k++) {
-        typical = fmax(typical, neighbours > 0.0 ? sum[k] / neighbours : 0.0);
+    for (int k = 0; k < EVERY; k++) {
+        support[k] /= neighbours > 0.0 ? neighbours : 1.0;
     }
+    return neighbours;
+}
+
+static void weigh(float *probability, const tsuya_finding *list, int columns, int rows, int column, int row)
+{
+    const tsuya_finding *own = &list[row * columns + column];
+    double support[EVERY] = {0.0}, neighbours = support_around(support, list, columns, rows, column, row);
+    double trust = neighbours / (neighbours + 1.0), typical = support[NONE], all = 0.0;
     for (int k = 0; k < own->count; k++) {
-        double prior = neighbours > 0.0 ? 1.0 - trust * typical + trust * sum[k] / neighbours : 1.0;
-        probability[k] = own->alternative[k].probability * (float)fmax(prior, STRANGER);
+        typical = fmax(typical, support[k]);
+    }
+    for (int k = 0; k < EVERY; k++) {
+        double prior = fmax(1.0 - trust * (typical - support[k]), STRANGER);
+        probability[k] = k == NONE || k < own->count ? (float)(of_alternative(own, k) * prior) : 0.0f;
         all += (double)probability[k];
     }
-    probability[TSUYA_ALTERNATIVES] = (float)((double)own->none_probability / all);
-    for (int k = 0; k < own->count; k++) {
+    for (int k = 0; k < EVERY; k++) {
         probability[k] = (float)((double)probability[k] / all);
     }
 }
@@ -70,19 +86,18 @@ static void sort(tsuya_finding *f)
 
 tsuya_status tsuya_findings_pool(tsuya_finding *list, int columns, int rows)
 {
-    enum { ROW = TSUYA_ALTERNATIVES + 1 };
-    float *probability = tsuya_calloc((size_t)columns * (size_t)rows * ROW, sizeof *probability);
+    float *probability = tsuya_calloc((size_t)columns * (size_t)rows * EVERY, sizeof *probability);
     if (!probability) {
         return TSUYA_ERROR_MEMORY;
     }
     for (int i = 0; i < columns * rows; i++) {
-        weigh(probability + ROW * i, list, columns, rows, i % columns, i / columns);
+        weigh(probability + EVERY * i, list, columns, rows, i % columns, i / columns);
     }
     for (int i = 0; i < columns * rows; i++) {
         for (int k = 0; k < list[i].count; k++) {
-            list[i].alternative[k].probability = probability[ROW * i + k];
+            list[i].alternative[k].probability = probability[EVERY * i + k];
         }
-        list[i].none_probability = probability[ROW * i + TSUYA_ALTERNATIVES];
+        list[i].none_probability = probability[EVERY * i + NONE];
         sort(&list[i]);
         tsuya_finding_believe(&list[i]);
     }

@@ -3,6 +3,7 @@
 
 #include "core/context.h"
 #include "core/table.h"
+#include "weave_detect/detector.h"
 #include "weave_detect/label.h"
 #include "weave_detect/patches.h"
 
@@ -189,6 +190,34 @@ static void test_refusals(void **state)
     tsuya_image_free(&mask);
 }
 
+/* A window that holds one pair for threads, so surely, and else none. */
+static tsuya_finding window_of(double angle_deg, float probability)
+{
+    tsuya_finding f = {.count = 1, .none_probability = 1.0f - probability};
+    double a = angle_deg * M_PI / 180.0;
+    f.alternative[0] = (tsuya_alternative){.f = {{0.2, 0.0}, {0.0, 0.2}}, .angle_rad = {a, a + 0.5 * M_PI}, .length = {0.2, 0.2}, .probability = probability};
+    tsuya_finding_believe(&f);
+    return f;
+}
+
+static void test_windows_listen_to_those_around(void **state)
+{
+    (void)state;
+    float chance[3]; /* the middle window's threads after neighbours that see the same, others, none */
+    for (int k = 0; k < 3; k++) {
+        double around_deg = k == 1 ? 60.0 : 20.0;
+        float sure = k == 2 ? 0.05f : 0.95f;
+        tsuya_finding list[3] = {window_of(around_deg, sure), window_of(20.0, 0.5f), window_of(around_deg, sure)};
+        assert_ok(tsuya_findings_pool(list, 3, 1));
+        chance[k] = list[1].alternative[0].probability;
+        assert_float_equal((double)(chance[k] + list[1].none_probability), 1.0, 1e-6);
+    }
+    assert_true(chance[0] > 0.65f && chance[1] < 0.5f && chance[2] < 0.35f);
+    tsuya_finding alone = window_of(20.0, 0.5f);
+    assert_ok(tsuya_findings_pool(&alone, 1, 1));
+    assert_float_equal((double)alone.alternative[0].probability, 0.5, 1e-6);
+}
+
 static void test_overlay_keeps_the_photograph(void **state)
 {
     (void)state;
@@ -214,6 +243,7 @@ int main(void)
         cmocka_unit_test(test_the_coarser_threads_are_the_weft),
         cmocka_unit_test(test_table_and_threads),          cmocka_unit_test(test_grey_and_masked_patches_are_empty),
         cmocka_unit_test(test_refusals),                   cmocka_unit_test(test_overlay_keeps_the_photograph),
+        cmocka_unit_test(test_windows_listen_to_those_around),
     };
     int result = cmocka_run_group_tests(tests, NULL, NULL);
     test_folder_remove();

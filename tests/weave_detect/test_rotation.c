@@ -3,13 +3,14 @@
 
 #include "core/image.h"
 #include "weave_detect/detector.h"
+#include "weave_detect/patches.h"
 
 #include <math.h>
 
 enum { N = 64, WIDE = 2 * N, STEP_DEG = 5, MOST_DEG = 40, CENTRES = 9, MOST_IMAGES = 200, MOST_ERRORS = MOST_IMAGES * CENTRES * 17 };
 
 typedef struct tally {
-    int images, patches, sure, coarse, coarse_sure;
+    int images, patches, sure, coarse, coarse_sure; /* patches of whole photographs as `weave image` gives them */
     size_t count;
     double *error_deg;
 } tally;
@@ -58,8 +59,26 @@ static double miss_deg(const tsuya_threads *still, const tsuya_threads *moved, d
     return fmin(straight, swapped) * 180.0 / M_PI;
 }
 
+static void count_sure(tally *t, const tsuya_image *photo)
+{
+    tsuya_patch_grid grid;
+    tsuya_context context = tsuya_context_default();
+    tsuya_patch_options options = tsuya_patch_options_default();
+    assert_ok(tsuya_patches_detect(&grid, photo, NULL, &options, &context));
+    for (size_t k = 0; k < tsuya_patch_count(&grid); k++) {
+        const tsuya_threads *p = &grid.patch[k].threads;
+        bool coarse = p->a.seen && p->b.seen && p->a.period_px >= 4.0 && p->b.period_px >= 4.0;
+        t->patches++;
+        t->sure += p->confidence >= 0.8;
+        t->coarse += coarse;
+        t->coarse_sure += coarse && p->confidence >= 0.8;
+    }
+    t->images++;
+    tsuya_patches_free(&grid);
+}
+
 /* The patches about nine points, in the window that turns with them about the image's middle. */
-static void look_at(tally *t, const tsuya_image *grey, double turn_rad, tsuya_threads *threads)
+static void look_at(const tsuya_image *grey, double turn_rad, tsuya_threads *threads)
 {
     static float values[N * N], wide[WIDE * WIDE];
     static tsuya_finding finding;
@@ -71,26 +90,18 @@ static void look_at(tally *t, const tsuya_image *grey, double turn_rad, tsuya_th
         turned(values, N, grey, cx + 20.0 * (k % 3 - 1), cy + 20.0 * (k / 3 - 1), turn_rad);
         tsuya_detector_follow(detector, &threads[k], around, 1, values);
     }
-    t->images += turn_rad == 0.0;
 }
 
 static void look_at_all_turns(tally *t, const tsuya_image *grey)
 {
     tsuya_threads still[CENTRES], moved[CENTRES];
-    look_at(t, grey, 0.0, still);
-    for (int k = 0; k < CENTRES; k++) {
-        bool coarse = still[k].a.seen && still[k].b.seen && still[k].a.period_px >= 4.0 && still[k].b.period_px >= 4.0;
-        t->patches++;
-        t->sure += still[k].confidence >= 0.8;
-        t->coarse += coarse;
-        t->coarse_sure += coarse && still[k].confidence >= 0.8;
-    }
+    look_at(grey, 0.0, still);
     for (int turn = -MOST_DEG; turn <= MOST_DEG; turn += STEP_DEG) {
         double turn_rad = turn * M_PI / 180.0;
         if (turn == 0) {
             continue;
         }
-        look_at(t, grey, turn_rad, moved);
+        look_at(grey, turn_rad, moved);
         for (int k = 0; k < CENTRES; k++) {
             if (still[k].confidence >= 0.8 && moved[k].confidence >= 0.8) {
                 t->error_deg[t->count++] = miss_deg(&still[k], &moved[k], turn_rad);
@@ -123,6 +134,7 @@ static bool run_folder(tally *t, const char *folder, const char *prefix)
         snprintf(path, sizeof path, "%s/%s", folder, names[i]);
         assert_ok(tsuya_image_load(&image, path));
         assert_ok(tsuya_image_grey(&grey, &image, TSUYA_SAMPLE_F32));
+        count_sure(t, &image);
         look_at_all_turns(t, &grey);
         tsuya_image_free(&image);
         tsuya_image_free(&grey);
@@ -160,7 +172,7 @@ static void test_linen(void **state)
 static void test_cotton(void **state)
 {
     (void)state;
-    turns_with("weave/kth_tips", "46-", 0.3, 1.0, 0.6);
+    turns_with("weave/kth_tips", "46-", 0.3, 1.0, 0.7);
 }
 
 /* Reported, whatever it gives. */
