@@ -291,6 +291,9 @@ static tsuya_status find_highlights(run *r)
     return b->count ? TSUYA_OK : tsuya_fail(TSUYA_ERROR_INPUT, "no photograph shows a highlight in a ball beside the tags of plate %s", r->board.plate[0].name);
 }
 
+/* As the fits take them. */
+static tsuya_lamp_balls balls_of(run *r) { return (tsuya_lamp_balls){r->balls.ball, r->balls.highlight, r->input->balls, r->balls.count, &r->camera}; }
+
 static tsuya_status estimate(run *r)
 {
     const tsuya_calib_light_input *in = r->input;
@@ -298,7 +301,7 @@ static tsuya_status estimate(run *r)
     if (in->balls) {
         TSUYA_TRY(find_highlights(r));
     }
-    tsuya_lamp_balls b = {r->balls.ball, r->balls.highlight, in->balls, r->balls.count, &r->camera};
+    tsuya_lamp_balls b = balls_of(r);
     if (in->balls && !in->white) {
         return tsuya_lamp_ball_fit(&r->lamp, &b);
     }
@@ -323,10 +326,10 @@ static double picture_high(const tsuya_lamp *lamp)
 }
 
 /* Residuals beside light.json: light.png, or light_NAME.png of several lamps. */
-static tsuya_status save_picture(tsuya_json *figures, const run *r)
+static tsuya_status save_picture(tsuya_json *figures, run *r)
 {
     const char *file = r->input->file, *name = r->name ? r->name : "";
-    tsuya_lamp_balls b = {(tsuya_lamp_ball *)r->balls.ball, r->balls.highlight, r->input->balls, r->balls.count, &r->camera};
+    tsuya_lamp_balls b = balls_of(r);
     size_t stem = strlen(file) - strlen(tsuya_path_extension(file)), bytes = stem + strlen(name) + 6;
     char *picture = tsuya_calloc(bytes, 1);
     if (!picture) {
@@ -385,7 +388,7 @@ static tsuya_status name_failure(tsuya_status status, const char *name)
 }
 
 /* A lamp that was found.  `lights`, `lamps`: NULL where there is one lamp only, which is the file itself. */
-static tsuya_status tell_lamp(tsuya_json *figures, tsuya_json *lights, tsuya_json *lamps, const run *r)
+static tsuya_status tell_lamp(tsuya_json *figures, tsuya_json *lights, tsuya_json *lamps, run *r)
 {
     tsuya_json *mine = lamps ? tsuya_json_add_object(lamps) : figures;
     if (lamps) {
@@ -418,7 +421,7 @@ static tsuya_status lamps_at_once(tsuya_json *lights, tsuya_json *lamps, run r)
     tsuya_status status;
     TSUYA_GOTO_DONE(status, see_plates(&r));
     TSUYA_GOTO_DONE(status, find_highlights(&r));
-    tsuya_lamp_balls all = {r.balls.ball, r.balls.highlight, r.input->balls, r.balls.count, &r.camera};
+    tsuya_lamp_balls all = balls_of(&r);
     TSUYA_GOTO_DONE(status, tsuya_lamp_balls_sort(&all, count));
     for (int k = 0; k < count; k++) {
         char name[16];
@@ -427,7 +430,7 @@ static tsuya_status lamps_at_once(tsuya_json *lights, tsuya_json *lamps, run r)
         one.name = name;
         one.balls.count /= count;
         one.balls.highlight += k * one.balls.count;
-        tsuya_lamp_balls own = {one.balls.ball, one.balls.highlight, r.input->balls, one.balls.count, &r.camera};
+        tsuya_lamp_balls own = balls_of(&one);
         TSUYA_GOTO_DONE(status, name_failure(tsuya_lamp_ball_fit(&one.lamp, &own), name));
         TSUYA_GOTO_DONE(status, tell_lamp(NULL, lights, lamps, &one));
     }
