@@ -66,8 +66,8 @@ def add_lamp():
     lamp = bpy.data.lights.new("lamp", "AREA")
     lamp.shape = "DISK"
     lamp.size = told["lamp_diameter"]
-    area = numpy.pi / 4 * lamp.size ** 2
-    lamp.energy = told["lamp_radiance"] * area * numpy.pi
+    # of a disk, too, Cycles takes the power for that of the square around it (measured: pi / 4 of the radiance otherwise)
+    lamp.energy = told["lamp_radiance"] * lamp.size ** 2 * numpy.pi
     thing = bpy.data.objects.new("lamp", lamp)
     thing.location = told["lamp_position"]
     thing.rotation_euler = Vector(told["lamp_direction"]).to_track_quat("-Z", "Y").to_euler()
