@@ -81,8 +81,15 @@ static tsuya_status compare(tsuya_json *out, const char *folder, const tsuya_mat
     tsuya_plot_bench_of(&picture.bench, &s);
     TSUYA_GOTO_DONE(status, tsuya_plot_data_create(&data, &picture));
     TSUYA_GOTO_DONE(status, tsuya_predict_hold_against(&match, m, &s));
-    picture.scale = match.scale;
-    picture.body = match.body[data.sample_channel];
+    if (match.error_cbrt < 0.99 * match.error_body_alone) {
+        picture.scale = match.scale;
+        picture.body = match.body[data.sample_channel];
+    } else { /* next to such a body the prediction would not be seen at all */
+        tsuya_warn("%s: the prediction explains no more of it than a dull cloth does, e_cbrt %.3g of %.3g; predicted.png shows it without a body. Are fibre, weave and "
+                   "the side that is up (satin, sateen) this cloth's?",
+                   input->samples, match.error_cbrt, match.error_body_alone);
+        picture.scale = match.scale_without_body;
+    }
     path = tsuya_path_join(folder, "predicted.png");
     TSUYA_GOTO_DONE(status, path ? tsuya_plot_pair(path, &picture, &data) : TSUYA_ERROR_MEMORY);
     tsuya_json_set_number(out, "scale", match.scale);

@@ -46,8 +46,9 @@ TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_predict(tsuya_material **material,
  * in the fibres and comes out again in every direction: one factor and a level a channel are fitted, to cube roots. */
 typedef struct tsuya_predict_match {
     double scale, body[3];                 /* readings ≈ scale · f + body/π */
-    double error_cbrt, error_without_body; /* with the factor alone: the paper's case, a black cloth */
-    double error_body_alone;               /* of a cloth that is dull: what the prediction has to beat */
+    double error_cbrt;
+    double scale_without_body, error_without_body; /* the factor alone: the paper's case, a black cloth */
+    double error_body_alone;                       /* of a cloth that is dull, which the prediction has to beat: where it does not, scale is 0 */
 } tsuya_predict_match;
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_predict_hold_against(tsuya_predict_match *match, const tsuya_material *material, const tsuya_samples *samples);
 

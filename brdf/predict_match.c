@@ -87,8 +87,14 @@ tsuya_status tsuya_predict_hold_against(tsuya_predict_match *match, const tsuya_
     tsuya_material_predict(predicted, material, s);
     match->error_cbrt = fit(match, scratch, s, predicted, true);
     match->error_without_body = fit(&alone, scratch, s, predicted, false);
+    match->scale_without_body = alone.scale;
     memset(predicted, 0, (size_t)s->count * 3 * sizeof *predicted);
     match->error_body_alone = fit(&dull, scratch, s, predicted, true);
+    if (match->error_cbrt >= match->error_body_alone) { /* the weights lead near the least error, not to it */
+        match->error_cbrt = match->error_body_alone;
+        match->scale = 0.0;
+        memcpy(match->body, dull.body, sizeof match->body);
+    }
     tsuya_free(predicted);
     return TSUYA_OK;
 }

@@ -179,6 +179,11 @@ static void test_held_against_readings(void **state)
         assert_near(found.body[c], body[c], 1e-5);
     }
     assert_true(found.error_cbrt < 1e-5 && found.error_without_body > 0.05 && found.error_body_alone > 0.05);
+    for (int k = 0; k < 3 * COUNT; ++k) { /* a dull cloth: nothing is left for the prediction */
+        s.value[k] = body[k % 3 == 0] / M_PI * (1.0 + 0.1 * sin(2.0 * k));
+    }
+    assert_ok(tsuya_predict_hold_against(&found, m, &s));
+    assert_true(found.error_cbrt <= found.error_body_alone && found.scale < 0.05 && found.scale_without_body > 0.1);
     s.channel_count = 1;
     assert_fails(tsuya_predict_hold_against(&found, m, &s), "1 channels");
     s.channel_count = 3;
