@@ -5,6 +5,7 @@
 #include "render/render.h"
 
 #include <limits.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -35,6 +36,8 @@ static const tsuya_yaml_field render_fields[] = {
     {.key = "size", .kind = TSUYA_YAML_NUMBERS, .offset = offsetof(tsuya_job_render, size)},
     {.key = "color", .kind = TSUYA_YAML_TEXT, .offset = offsetof(tsuya_job_render, color)},
     {.key = "like", .kind = TSUYA_YAML_TEXT, .offset = offsetof(tsuya_job_render, like)},
+    {.key = "elevation", .kind = TSUYA_YAML_NUMBER, .offset = offsetof(tsuya_job_render, elevation_deg)},
+    {.key = "exposure", .kind = TSUYA_YAML_NUMBER, .offset = offsetof(tsuya_job_render, exposure_ev)},
     {.key = "lights", .kind = TSUYA_YAML_TEXT, .offset = offsetof(tsuya_job_render, lights)},
     {.key = "model", .kind = TSUYA_YAML_TEXT, .offset = offsetof(tsuya_job_render, model)},
     {0},
@@ -313,8 +316,8 @@ static tsuya_status check_render(const tsuya_job *job, tsuya_job_render *r)
     TSUYA_TRY(resolve(job, &r->lights, "render: lights", false));
     TSUYA_TRY(resolve(job, &r->model, "render: model", false));
     if (r->like) {
-        if (r->views != INT_MIN || r->size.count > 0) {
-            return invalid(job, "render: name", r->name, "has like:, which takes views and size from the photographs");
+        if (r->views != INT_MIN || r->size.count > 0 || isfinite(r->elevation_deg) || isfinite(r->exposure_ev)) {
+            return invalid(job, "render: name", r->name, "has like:, which takes views, size, elevation and exposure from the photographs");
         }
         if (strcmp(r->like, job->photos) != 0) {
             return invalid(job, "render: like", r->like, "is not the folder of photos:");
@@ -332,6 +335,12 @@ static tsuya_status check_render(const tsuya_job *job, tsuya_job_render *r)
         return invalid(job, "render: views of", r->name, "must be from 1 to 3600");
     }
     TSUYA_TRY(check_render_size(job, r));
+    if (fabs(r->elevation_deg) > 89.0) {
+        return invalid(job, "render: elevation of", r->name, "must be from -89 to 89 degrees");
+    }
+    if (fabs(r->exposure_ev) > 30.0) {
+        return invalid(job, "render: exposure of", r->name, "must be from -30 to 30 EV");
+    }
     if (r->color && tsuya_render_check_color(r->color) != TSUYA_OK) {
         return invalid(job, "render: color", r->color, "is not \"#rrggbb\" nor \"r,g,b\" in linear light, \"photographs\" or \"material\"");
     }
@@ -345,7 +354,7 @@ static tsuya_status check_renders(tsuya_job *job)
         if (!turntable) {
             return TSUYA_ERROR_MEMORY;
         }
-        *turntable = (tsuya_job_render){.name = "turntable", .views = 12};
+        *turntable = (tsuya_job_render){.name = "turntable", .views = 12, .elevation_deg = NAN, .exposure_ev = NAN};
         job->render = (tsuya_yaml_list){turntable, 1};
     }
     tsuya_job_render *render = job->render.item;

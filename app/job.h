@@ -23,6 +23,7 @@ typedef struct tsuya_job_material {
 typedef struct tsuya_job_render {
     const char *name, *color, *like;
     const char *lights, *model; /* of this entry alone; NULL: the job's own */
+    double elevation_deg, exposure_ev; /* NaN: the stage's own; not of `like` */
     int views; /* 0: through the cameras of `like` */
     tsuya_yaml_list size;
     int width_px, height_px;

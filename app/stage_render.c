@@ -8,6 +8,7 @@
 #include "render/render.h"
 #include "render/views.h"
 
+#include <math.h>
 #include <string.h>
 
 enum { SAMPLES_PER_PIXEL = 48, BOUNCES = 3, OTHERS = 4 };
@@ -81,6 +82,12 @@ tsuya_status tsuya_stage_render_plan(tsuya_stage_plan *plan, const tsuya_stage_r
         tsuya_json_set_number(entry, "views", r->views);
         tsuya_json_set_numbers(entry, "size", (double[]){r->width_px, r->height_px}, 2);
         tsuya_json_set_text(entry, "color", r->color);
+        if (isfinite(r->elevation_deg)) {
+            tsuya_json_set_number(entry, "elevation", r->elevation_deg);
+        }
+        if (isfinite(r->exposure_ev)) {
+            tsuya_json_set_number(entry, "exposure", r->exposure_ev);
+        }
         for (int h = 0; r->like && h < job->hold_out.count; h++) {
             tsuya_json_set_text(entry, tsuya_job_hold_out_at(job, h), "held out");
         }
@@ -235,6 +242,8 @@ static tsuya_status render_entry(tsuya_render_info *info, const tsuya_stage_run 
         options.views = entry->views;
         options.width_px = entry->width_px;
         options.height_px = entry->height_px;
+        options.exposure_ev = entry->exposure_ev;
+        options.elevation_deg = isfinite(entry->elevation_deg) ? entry->elevation_deg : options.elevation_deg;
     }
     return tsuya_render(info, &options, run->context);
 }
