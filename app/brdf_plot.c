@@ -1,10 +1,10 @@
 #include "app/brdf_plot.h"
 
 #include "core/memory.h"
+#include "core/order.h"
 #include "core/table.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 static const double nearness_deg = 2.0;
@@ -109,12 +109,6 @@ static void gather_points(tsuya_plot_data *d, const tsuya_brdf_picture *p)
     }
 }
 
-static int ascending(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static tsuya_status choose_curves(tsuya_plot_data *d)
 {
     static const double usual[] = {0, 45, 90, 135};
@@ -130,7 +124,7 @@ static tsuya_status choose_curves(tsuya_plot_data *d)
         d->tilt_deg[0] = fmin(d->tilt_deg[0], d->point[k].tilt_deg);
         d->tilt_deg[1] = fmax(d->tilt_deg[1], d->point[k].tilt_deg);
     }
-    qsort(sorted, (size_t)d->count, sizeof *sorted, ascending);
+    tsuya_sort_doubles(sorted, (size_t)d->count);
     for (int k = 0; k < d->count; ++k) {
         if (unique == 0 || sorted[k] - sorted[unique - 1] > 0.05) {
             sorted[unique++] = sorted[k];

@@ -1,12 +1,12 @@
 #include "app/gather_input.h"
 
 #include "core/file.h"
+#include "core/order.h"
 #include "core/photo.h"
 #include "core/table.h"
 #include "render/light.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 enum { SIDE = 3, PIECES = SIDE * SIDE, LAMPS_MOST = 16 };
@@ -198,12 +198,6 @@ done:
     return status;
 }
 
-static int compare_double(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Photographs that see no patch well get the session's median. */
 static tsuya_status share_gain(shot *list, int count, const char *reference)
 {
@@ -220,7 +214,7 @@ static tsuya_status share_gain(shot *list, int count, const char *reference)
             status = tsuya_fail(TSUYA_ERROR_INPUT, "%s: no photograph sees one of the patches well: lit, unclipped, at least 4 pixels across", reference);
             break;
         }
-        qsort(value, (size_t)n, sizeof *value, compare_double);
+        tsuya_sort_doubles(value, (size_t)n);
         for (int i = 0; i < count; i++) {
             list[i].gain[c] = list[i].patches > 0 ? list[i].gain[c] : value[n / 2];
         }

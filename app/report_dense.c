@@ -1,19 +1,14 @@
 /* Photographs beside depth and normal maps, and the surface's outline in the photographs' masks. */
 #include "app/report_parts.h"
 
+#include "core/order.h"
+
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 enum { MAP_SIDE_PX = 400, OUTLINE_SIDE_PX = 420, SHOWN = 8 };
 
 static const uint8_t nothing[3] = {232, 226, 215};
-
-static int compare_float(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
 
 /* 2nd and 98th percentile of what is not 0; false where nothing is. */
 static bool depth_range(float *low, float *high, const float *depth, size_t count)
@@ -26,7 +21,7 @@ static bool depth_range(float *low, float *high, const float *depth, size_t coun
         }
     }
     if (n > 0) {
-        qsort(sorted, n, sizeof *sorted, compare_float);
+        tsuya_sort_floats(sorted, n);
         *low = sorted[n / 50];
         *high = sorted[n - 1 - n / 50];
     }
@@ -218,15 +213,9 @@ done:
     return status;
 }
 
-static int compare_double(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static void outline_statistics(tsuya_report *report, double *iou, int count)
 {
-    qsort(iou, (size_t)count, sizeof *iou, compare_double);
+    tsuya_sort_doubles(iou, (size_t)count);
     double median = count % 2 ? iou[count / 2] : 0.5 * (iou[count / 2 - 1] + iou[count / 2]);
     tsuya_html_raw(&report->html, "<p>Intersection over union of mask and surface: median <b>%.3f</b>, lowest %.3f, over %d photographs.</p>\n",
                    median, iou[0], count);

@@ -1,11 +1,12 @@
 /* The surface from several sides, what supports it, and the weft field on it. */
 #include "app/report_parts.h"
+
 #include "app/terminal.h"
+#include "core/order.h"
 
 #include "render/views.h"
 
 #include <math.h>
-#include <stdlib.h>
 
 enum { VIEW_WIDTH_PX = 330, VIEW_HEIGHT_PX = 440 };
 
@@ -24,12 +25,6 @@ static tsuya_status show_view(tsuya_report *report, int view, int view_count, co
     return TSUYA_OK;
 }
 
-static int compare_float(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
 /* The range between two quantiles. */
 static tsuya_status value_range(double *low, double *high, const float *value, size_t count, const double quantile[2])
 {
@@ -43,7 +38,7 @@ static tsuya_status value_range(double *low, double *high, const float *value, s
             sorted[n++] = value[i];
         }
     }
-    qsort(sorted, n, sizeof *sorted, compare_float);
+    tsuya_sort_floats(sorted, n);
     *low = n > 0 ? sorted[(size_t)(quantile[0] * (double)(n - 1))] : 0.0;
     *high = n > 0 ? sorted[(size_t)(quantile[1] * (double)(n - 1))] : 0.0;
     if (!(*high > *low)) {

@@ -4,11 +4,11 @@
 #include "core/camera.h"
 #include "core/file.h"
 #include "core/mesh.h"
+#include "core/order.h"
 #include "core/raster.h"
 #include "reconstruct/mesh_distance.h"
 
 #include <math.h>
-#include <stdlib.h>
 
 typedef struct comparison {
     const tsuya_context *context;
@@ -19,16 +19,10 @@ typedef struct comparison {
     bool metric; /* the job has a scale of its own */
 } comparison;
 
-static int compare_double(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static void set_median_p90(tsuya_json *figures, const char *key, double *value, size_t count)
 {
     tsuya_json *object = tsuya_json_set_object(figures, key);
-    qsort(value, count, sizeof *value, compare_double);
+    tsuya_sort_doubles(value, count);
     tsuya_json_set_number(object, "median", count > 0 ? value[count / 2] : NAN);
     tsuya_json_set_number(object, "p90", count > 0 ? value[(size_t)(0.9 * (double)(count - 1))] : NAN);
 }

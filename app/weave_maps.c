@@ -3,19 +3,13 @@
 #include "app/shade.h"
 #include "core/file.h"
 #include "core/memory.h"
+#include "core/order.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 static const float SEEN = 0.5f;
 static const uint8_t UNSEEN[3] = {150, 150, 150};
-
-static int compare_floats(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
 
 tsuya_status tsuya_weave_map_create(tsuya_weave_map *map, const tsuya_mesh *mesh, const float *number, int stride)
 {
@@ -32,7 +26,7 @@ tsuya_status tsuya_weave_map_create(tsuya_weave_map *map, const tsuya_mesh *mesh
         }
     }
     if (map->seen > 0) {
-        qsort(sorted, map->seen, sizeof *sorted, compare_floats);
+        tsuya_sort_floats(sorted, map->seen);
         map->low = (double)sorted[map->seen / 50];
         map->high = (double)sorted[map->seen - 1 - map->seen / 50];
         map->high = map->high > map->low ? map->high : map->low + 1.0;

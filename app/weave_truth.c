@@ -1,16 +1,10 @@
 #include "app/weave_truth.h"
 
 #include "core/memory.h"
+#include "core/order.h"
 #include "reconstruct/mesh_distance.h"
 
 #include <math.h>
-#include <stdlib.h>
-
-static int compare_doubles(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
 
 static tsuya_vec3 vector(const float *v) { return (tsuya_vec3){(double)v[0], (double)v[1], (double)v[2]}; }
 
@@ -61,7 +55,7 @@ tsuya_status tsuya_weave_truth(tsuya_json *figures, const tsuya_mesh *mesh, cons
     for (size_t i = 0; i < count; i++) {
         wrong += error[i] > 45.0;
     }
-    qsort(error, count, sizeof *error, compare_doubles);
+    tsuya_sort_doubles(error, count);
     tsuya_json *object = tsuya_json_set_object(figures, "angle_error_deg");
     tsuya_json_set_number(object, "median", count > 0 ? error[count / 2] : NAN);
     tsuya_json_set_number(object, "p90", count > 0 ? error[(size_t)(0.9 * (double)(count - 1))] : NAN);

@@ -3,9 +3,9 @@
 #include "calib/opencv_adapter.h"
 #include "calib/planar.h"
 #include "core/memory.h"
+#include "core/order.h"
 #include "core/table.h"
 
-#include <stdlib.h>
 
 enum { PITCH = 24, MARGIN = 1, WIDTH = (TSUYA_CHART_COLS + 2 * MARGIN) * PITCH, HEIGHT = (TSUYA_CHART_ROWS + 2 * MARGIN) * PITCH,
        ROUNDS = 3, LEAST_FITTED = 8, LEAST_PITCH_PX = 8 };
@@ -177,18 +177,12 @@ static void place_patches(tsuya_chart *chart)
     }
 }
 
-static int compare_floats(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
 /* Trimmed mean: a tenth of the pixels at each end are dust, scratches and glints. */
 static double trimmed(float *value, int n)
 {
     double sum = 0.0;
     int cut = n / 10;
-    qsort(value, (size_t)n, sizeof *value, compare_floats);
+    tsuya_sort_floats(value, (size_t)n);
     for (int i = cut; i < n - cut; i++) {
         sum += (double)value[i];
     }

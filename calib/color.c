@@ -2,8 +2,8 @@
 
 #include "core/dense.h"
 #include "core/memory.h"
+#include "core/order.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 enum { UNKNOWNS = 9, STEPS = 60, WHITE = TSUYA_CHART_FIRST_GREY, BLACK = TSUYA_CHART_PATCHES - 1 };
@@ -207,12 +207,6 @@ static void check_linearity(tsuya_color *color, const problem *p, const double x
     }
 }
 
-static int compare_doubles(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static tsuya_color_stats stats_of(const double *de, const tsuya_lab *reference, double low, double high)
 {
     double kept[TSUYA_CHART_PATCHES], sum = 0.0;
@@ -226,7 +220,7 @@ static tsuya_color_stats stats_of(const double *de, const tsuya_lab *reference, 
     if (n == 0) {
         return (tsuya_color_stats){NAN, NAN, NAN, 0};
     }
-    qsort(kept, (size_t)n, sizeof *kept, compare_doubles);
+    tsuya_sort_doubles(kept, (size_t)n);
     return (tsuya_color_stats){sum / n, kept[n / 2], kept[n - 1], n};
 }
 

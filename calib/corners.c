@@ -2,6 +2,7 @@
 
 #include "calib/board.h"
 #include "core/file.h"
+#include "core/order.h"
 #include "core/table.h"
 
 #include <math.h>
@@ -192,12 +193,6 @@ tsuya_status tsuya_corner_set_save(const tsuya_corner_set *set, const char *path
     return tsuya_file_commit(&writer);
 }
 
-static int compare_sigmas(const void *pa, const void *pb)
-{
-    const double *a = pa, *b = pb;
-    return (*a > *b) - (*a < *b);
-}
-
 static tsuya_status median_sigma(double *sigma, const tsuya_corner_set *set)
 {
     double *all = tsuya_calloc((size_t)set->count, sizeof *all);
@@ -207,7 +202,7 @@ static tsuya_status median_sigma(double *sigma, const tsuya_corner_set *set)
     for (int i = 0; i < set->count; i++) {
         all[i] = set->corner[i].sigma_px;
     }
-    qsort(all, (size_t)set->count, sizeof *all, compare_sigmas);
+    tsuya_sort_doubles(all, (size_t)set->count);
     *sigma = set->count ? all[set->count / 2] : 1.0;
     tsuya_free(all);
     return TSUYA_OK;

@@ -5,6 +5,7 @@
 #include "calib/planar.h"
 #include "calib/refine.h"
 #include "core/file.h"
+#include "core/order.h"
 
 #include <omp.h>
 #include <stdlib.h>
@@ -194,12 +195,6 @@ static tsuya_status find_tags(found *f, found *before, tsuya_tag_detector *detec
     return status;
 }
 
-static int compare_numbers(const void *pa, const void *pb)
-{
-    const double *a = pa, *b = pb;
-    return (*a > *b) - (*a < *b);
-}
-
 static tsuya_status summarise(tsuya_detect_report *report, const tsuya_refined_tag *tag, int count)
 {
     double *blur = tsuya_calloc(4 * (size_t)count, sizeof *blur);
@@ -213,7 +208,7 @@ static tsuya_status summarise(tsuya_detect_report *report, const tsuya_refined_t
         }
     }
     if (n) {
-        qsort(blur, (size_t)n, sizeof *blur, compare_numbers);
+        tsuya_sort_doubles(blur, (size_t)n);
     }
     report->blur_px = n ? blur[n / 2] : NAN;
     report->blur_high_px = n ? blur[n * 9 / 10] : NAN;

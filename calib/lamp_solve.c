@@ -2,22 +2,16 @@
 
 #include "core/dense.h"
 #include "core/memory.h"
+#include "core/order.h"
 
-#include <stdlib.h>
 #include <string.h>
-
-static int compare_numbers(const void *pa, const void *pb)
-{
-    const double *a = pa, *b = pb;
-    return (*a > *b) - (*a < *b);
-}
 
 double tsuya_lamp_median(double *values, int n)
 {
     if (n == 0) {
         return NAN;
     }
-    qsort(values, (size_t)n, sizeof *values, compare_numbers);
+    tsuya_sort_doubles(values, (size_t)n);
     return n % 2 ? values[n / 2] : 0.5 * (values[n / 2 - 1] + values[n / 2]);
 }
 

@@ -2,8 +2,8 @@
 
 #include "calib/mrcal_adapter.h"
 #include "core/memory.h"
+#include "core/order.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 enum { MOTION = 6, ITERATIONS = 20 };
@@ -315,12 +315,6 @@ double tsuya_projection_focal(double *sigma_px, const tsuya_camera *camera, cons
     return (q[1].x - q[0].x) / (2.0 * angle);
 }
 
-static int compare_numbers(const void *pa, const void *pb)
-{
-    const double *a = pa, *b = pb;
-    return (*a > *b) - (*a < *b);
-}
-
 tsuya_status tsuya_projection_summary(tsuya_projection_stats *stats, const tsuya_projection_map *map)
 {
     int cells = map->cols * map->rows, n = 0;
@@ -336,7 +330,7 @@ tsuya_status tsuya_projection_summary(tsuya_projection_stats *stats, const tsuya
         }
     }
     if (n) {
-        qsort(value, (size_t)n, sizeof *value, compare_numbers);
+        tsuya_sort_doubles(value, (size_t)n);
         *stats = (tsuya_projection_stats){sum / n, value[(size_t)(0.9 * (n - 1))], value[n - 1]};
     }
     tsuya_free(value);

@@ -4,8 +4,8 @@
 #include "calib/mrcal_adapter.h"
 #include "calib/planar.h"
 #include "calib/spline.h"
+#include "core/order.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 enum { MOST_ROUNDS = 8, WEIGHT_ROUNDS = 4, START_POINTS = 8 };
@@ -147,18 +147,12 @@ static void set_poses(tsuya_solve *s, const tsuya_mat3 *h, double focal_px)
     }
 }
 
-static int compare_numbers(const void *pa, const void *pb)
-{
-    const double *a = pa, *b = pb;
-    return (*a > *b) - (*a < *b);
-}
-
 static double median(double *v, int n)
 {
     if (n == 0) {
         return NAN;
     }
-    qsort(v, (size_t)n, sizeof *v, compare_numbers);
+    tsuya_sort_doubles(v, (size_t)n);
     return n % 2 ? v[n / 2] : 0.5 * (v[n / 2 - 1] + v[n / 2]);
 }
 

@@ -2,8 +2,8 @@
 
 #include "calib/misfit.h"
 #include "calib/mrcal_adapter.h"
+#include "core/order.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 enum { OPENCV_LENSES = 5, SPLINES = 3, CORNERS_A_POINT = 8, START = TSUYA_CALIB_TRIALS };
@@ -13,12 +13,6 @@ static const double WORTH = 0.02;
 static const tsuya_lens lens_order[OPENCV_LENSES] = {TSUYA_LENS_PINHOLE, TSUYA_LENS_OPENCV4, TSUYA_LENS_OPENCV5, TSUYA_LENS_OPENCV8,
                                                      TSUYA_LENS_OPENCV12};
 static const int spline_order[SPLINES] = {12, 17, 24}; /* control points along x: cells of two thirds each time */
-
-static int compare_numbers(const void *pa, const void *pb)
-{
-    const double *a = pa, *b = pb;
-    return (*a > *b) - (*a < *b);
-}
 
 static tsuya_status median_distance(double *distance_m, const tsuya_solve *s)
 {
@@ -34,7 +28,7 @@ static tsuya_status median_distance(double *distance_m, const tsuya_solve *s)
         }
         d[v] = tsuya_vec3_norm(tsuya_pose_apply(s->view[v].camera_from_plate, middle));
     }
-    qsort(d, (size_t)s->view_count, sizeof *d, compare_numbers);
+    tsuya_sort_doubles(d, (size_t)s->view_count);
     *distance_m = d[s->view_count / 2];
     tsuya_free(d);
     return TSUYA_OK;

@@ -2,17 +2,11 @@
 
 #include "core/dense.h"
 #include "core/memory.h"
+#include "core/order.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 enum { RADIAL = 3, CARD_UNKNOWNS = 5, MOST = RADIAL + CARD_UNKNOWNS * TSUYA_COLOR_CARDS, ROUNDS = 8 };
-
-static int compare_floats(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
 
 /* Medians of one cell's channels. */
 static void read_cell(double rgb[3], float *value, const tsuya_image *photo, int column, int row)
@@ -27,7 +21,7 @@ static void read_cell(double rgb[3], float *value, const tsuya_image *photo, int
                 clipped += value[n - 1] >= 0.998f;
             }
         }
-        qsort(value, (size_t)n, sizeof *value, compare_floats);
+        tsuya_sort_floats(value, (size_t)n);
         float m = value[n / 2];
         m = photo->encoding == TSUYA_ENCODING_SRGB ? tsuya_srgb_decode(m) : m;
         rgb[c] = 10 * clipped > n || !(m > 0.0f) ? NAN : (double)m;

@@ -12,6 +12,7 @@
 #include "capture/check.h"
 
 #include "core/memory.h"
+#include "core/order.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -146,12 +147,6 @@ static int stronger(const void *a, const void *b)
     return (x->sigma2 > y->sigma2) - (x->sigma2 < y->sigma2);
 }
 
-static int compare_float(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
 /* Standard deviation of the noise from second differences of rows (Immerkær 1996), the median so that texture counts little. */
 static float noise_of(const plane *p, float *scratch, size_t room)
 {
@@ -163,7 +158,7 @@ static float noise_of(const plane *p, float *scratch, size_t room)
         float d = v[-w - 1] - 2 * v[-w] + v[-w + 1] - 2 * v[-1] + 4 * v[0] - 2 * v[1] + v[w - 1] - 2 * v[w] + v[w + 1];
         scratch[count++] = fabsf(d);
     }
-    qsort(scratch, count, sizeof *scratch, compare_float);
+    tsuya_sort_floats(scratch, count);
     return count > 0 ? 1.4826f * scratch[count / 2] / 6.0f : 0.0f;
 }
 
@@ -177,7 +172,7 @@ static void summarise(tsuya_blur *blur, const edge *found, size_t count, float *
                 scratch[n++] = found[i].sigma2;
             }
         }
-        qsort(scratch, (size_t)n, sizeof *scratch, compare_float);
+        tsuya_sort_floats(scratch, (size_t)n);
         blur->edges[d] = n;
         blur->sigma_px[d] = n < FEWEST_EDGES ? NAN : sqrt((double)scratch[(int)(SHARP_SHARE * n)]);
         blur->best_px = fmin(blur->best_px, blur->sigma_px[d]);

@@ -2,6 +2,7 @@
 #include "capture/check_photo.h"
 
 #include "core/memory.h"
+#include "core/order.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -17,15 +18,9 @@ static const double SAME_VIEW_FEATURES = 0.35; /* of the fewer features of both 
 
 typedef tsuya_check_relation relation;
 
-static int compare_double(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 double tsuya_check_median(double *value, int count)
 {
-    qsort(value, (size_t)count, sizeof *value, compare_double);
+    tsuya_sort_doubles(value, (size_t)count);
     return count == 0 ? NAN : count % 2 ? value[count / 2] : 0.5 * (value[count / 2 - 1] + value[count / 2]);
 }
 

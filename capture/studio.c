@@ -2,9 +2,9 @@
 #include "capture/studio_light.h"
 
 #include "core/memory.h"
+#include "core/order.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 /* Streams of the blur, apart from those of the rays. */
@@ -99,12 +99,6 @@ void tsuya_studio_free(tsuya_studio *s)
     tsuya_free(s);
 }
 
-static int compare_float(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
 double tsuya_studio_white(const tsuya_studio *s, double albedo)
 {
     size_t count = s->cloth_vertices > 0 ? s->cloth_vertices : s->mesh.vertex_count;
@@ -114,7 +108,7 @@ double tsuya_studio_white(const tsuya_studio *s, double albedo)
         irradiance[v] = s->direct[3 * v + 1] + s->ambient[3 * v + 1];
     }
     if (irradiance && count > 0) {
-        qsort(irradiance, count, sizeof *irradiance, compare_float);
+        tsuya_sort_floats(irradiance, count);
         white = albedo * (double)irradiance[(size_t)(0.95 * (double)(count - 1))] / M_PI;
     }
     tsuya_free(irradiance);

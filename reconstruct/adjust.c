@@ -2,10 +2,10 @@
 
 #include "core/file.h"
 #include "core/memory.h"
+#include "core/order.h"
 #include "reconstruct/adjust_tags.h"
 
 #include <math.h>
-#include <stdlib.h>
 
 /* FLOOR_PX: below it a residual is no error of a match, whatever the scatter.  FEW observations tell no scatter of their own. */
 static const double CUT_SIGMAS = 4.0, FLOOR_PX = 0.1, MAPPER_PX = 4.0, SETTLED = 0.002;
@@ -23,15 +23,9 @@ typedef struct adjustment {
     double *scratch;
 } adjustment;
 
-static int compare(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static double median(double *value, size_t count)
 {
-    qsort(value, count, sizeof *value, compare);
+    tsuya_sort_doubles(value, count);
     return count > 0 ? value[count / 2] : 0.0;
 }
 

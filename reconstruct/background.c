@@ -3,6 +3,7 @@
 #include "core/file.h"
 #include "core/image.h"
 #include "core/memory.h"
+#include "core/order.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -47,18 +48,12 @@ done:
     return status;
 }
 
-static int compare_ints(const void *a, const void *b)
-{
-    int x = *(const int *)a, y = *(const int *)b;
-    return (x > y) - (x < y);
-}
-
 /* The fullest window of ALIKE in luma, the darkest of equals; returns how many lie in it. */
 static int fullest_window(int *low, int *sorted, int count)
 {
     const int wide = (int)(ALIKE * LUMA_MOST);
     int most = 0;
-    qsort(sorted, (size_t)count, sizeof *sorted, compare_ints);
+    tsuya_sort_ints(sorted, (size_t)count);
     for (int first = 0, end = 0; first < count; first++) {
         while (end < count && sorted[end] <= sorted[first] + wide) {
             end++;
@@ -86,7 +81,7 @@ static void model_pixel(background *b, size_t at)
                 value[n++] = p[c];
             }
         }
-        qsort(value, (size_t)n, sizeof *value, compare_ints);
+        tsuya_sort_ints(value, (size_t)n);
         b->color[3 * at + c] = (uint8_t)value[n / 2];
     }
 }

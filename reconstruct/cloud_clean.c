@@ -1,6 +1,7 @@
 #include "reconstruct/cloud_clean.h"
 
 #include "core/memory.h"
+#include "core/order.h"
 #include "reconstruct/pcl_adapter.h"
 
 #include <stdlib.h>
@@ -11,12 +12,6 @@ enum { BLOCK = 1 << 16, K = TSUYA_CLOUD_NEIGHBOURS + 1 /* the point itself comes
 static tsuya_vec3 normal_of(const tsuya_mesh *cloud, size_t v)
 {
     return (tsuya_vec3){cloud->normal[3 * v], cloud->normal[3 * v + 1], cloud->normal[3 * v + 2]};
-}
-
-static int compare_floats(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
 }
 
 /* Called for a block of points [begin, end) with the K nearest of each. */
@@ -189,7 +184,7 @@ tsuya_status tsuya_cloud_spacing(float *spacing, double *median, const tsuya_mes
         return TSUYA_ERROR_MEMORY;
     }
     memcpy(sorted, spacing, cloud->vertex_count * sizeof *sorted);
-    qsort(sorted, cloud->vertex_count, sizeof *sorted, compare_floats);
+    tsuya_sort_floats(sorted, cloud->vertex_count);
     *median = (double)sorted[cloud->vertex_count / 2];
     tsuya_free(sorted);
     return TSUYA_OK;

@@ -4,10 +4,10 @@
 #include "core/file.h"
 #include "core/image.h"
 #include "core/memory.h"
+#include "core/order.h"
 #include "core/raster.h"
 #include "reconstruct/view_mask.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 enum { SAMPLES = 8, GAIN_ROUNDS = 6, BORDER_PX = 8, EDGE_JUMP_PX = 8, SHRINK_MAX = 8 };
@@ -72,12 +72,6 @@ static void mark_borders(look *l, const tsuya_image *mask)
     tsuya_distance_to_marked(l->border, w, h);
 }
 
-static int compare_doubles(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Median length in pixels of the edges of the triangles that are seen, from a sample of pixels. */
 static double edge_px(const look *l)
 {
@@ -93,7 +87,7 @@ static double edge_px(const look *l)
             length[count++] = edge * l->camera->fx_px / (double)l->raster.depth[p];
         }
     }
-    qsort(length, count, sizeof *length, compare_doubles);
+    tsuya_sort_doubles(length, count);
     return count ? length[count / 2] : 1.0;
 }
 

@@ -1,11 +1,11 @@
 #include "reconstruct/fusion.h"
 
 #include "core/memory.h"
+#include "core/order.h"
 #include "reconstruct/fusion_views.h"
 #include "reconstruct/precision.h"
 #include "reconstruct/stereo_views.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 enum { MOST_NEIGHBOURS = 12, BAND_ROWS = 64 };
@@ -256,12 +256,6 @@ static tsuya_status claim_bits(run *r, const tsuya_fusion_view *v)
     return r->used[v->view] ? TSUYA_OK : TSUYA_ERROR_MEMORY;
 }
 
-static int compare_float(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
 /* Median of the positive values; 0 where there are none. */
 static tsuya_status median_positive(double *median, const float *value, size_t stride, size_t count)
 {
@@ -275,7 +269,7 @@ static tsuya_status median_positive(double *median, const float *value, size_t s
             kept[n++] = value[i * stride];
         }
     }
-    qsort(kept, n, sizeof *kept, compare_float);
+    tsuya_sort_floats(kept, n);
     *median = n ? kept[n / 2] : 0.0;
     tsuya_free(kept);
     return TSUYA_OK;
@@ -343,12 +337,6 @@ static tsuya_status make_cloud(tsuya_mesh *cloud, const point_list *list)
     return TSUYA_OK;
 }
 
-static int compare_double(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static tsuya_status summarise(tsuya_fusion_info *info, const run *r)
 {
     double views = 0.0;
@@ -358,7 +346,7 @@ static tsuya_status summarise(tsuya_fusion_info *info, const run *r)
     info->points = r->points.count;
     info->points_prior = r->points_prior;
     info->mean_views = views / (double)r->points.count;
-    qsort(r->gsd, (size_t)r->gsd_count, sizeof *r->gsd, compare_double);
+    tsuya_sort_doubles(r->gsd, (size_t)r->gsd_count);
     info->gsd = r->gsd_count ? r->gsd[r->gsd_count / 2] : NAN;
     return median_positive(&info->median_sigma, &r->points.point[0].sigma, sizeof *r->points.point / sizeof(float),
                            r->points.count);

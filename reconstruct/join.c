@@ -2,10 +2,10 @@
 
 #include "core/context.h"
 #include "core/memory.h"
+#include "core/order.h"
 #include "reconstruct/scale_points.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 enum { LEAST_CORNERS = 8, LEAST_TAGS = 2, TRIALS = 300, STREAM_JOIN = 7300 };
@@ -48,19 +48,13 @@ done:
     return status;
 }
 
-static int compare_double(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Fills `off`; the distance that three quarters of the corners keep within. */
 static double spread(common *c, tsuya_similarity s)
 {
     for (int i = 0; i < c->count; i++) {
         c->off[i] = c->sorted[i] = tsuya_vec3_norm(tsuya_vec3_sub(tsuya_similarity_apply(s, c->there[i]), c->here[i]));
     }
-    qsort(c->sorted, (size_t)c->count, sizeof *c->sorted, compare_double);
+    tsuya_sort_doubles(c->sorted, (size_t)c->count);
     return c->sorted[(int)(AGREE_SHARE * (c->count - 1))];
 }
 

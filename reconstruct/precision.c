@@ -1,9 +1,9 @@
 #include "reconstruct/precision.h"
 
+#include "core/order.h"
 #include "reconstruct/stereo_views.h"
 
 #include <math.h>
-#include <stdlib.h>
 
 enum { LEAST_SIDE_PX = 160, HALVINGS = 6, MOST_SOURCES = 12 }; /* steps of half an octave */
 static const int SOURCES[] = {3, 5, 8};
@@ -14,12 +14,6 @@ double tsuya_matching_sigma(double gsd, double sine)
 {
     const double matching_px = 0.15;
     return matching_px * gsd / fmax(sine, 0.01);
-}
-
-static int compare_double(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
 }
 
 /* Middle of the points that a view sees. */
@@ -67,7 +61,7 @@ static tsuya_status sines_of_sources(double *sine, const tsuya_sparse_model *mod
         views++;
     }
     for (int k = 1; k <= most_sources; k++) {
-        qsort(most + row * (size_t)k, views, sizeof *most, compare_double);
+        tsuya_sort_doubles(most + row * (size_t)k, views);
         sine[k] = views ? most[row * (size_t)k + views / 2] : 0.0;
     }
     return TSUYA_OK;

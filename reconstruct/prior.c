@@ -1,9 +1,9 @@
 #include "reconstruct/prior.h"
 
 #include "core/memory.h"
+#include "core/order.h"
 #include "reconstruct/prior_spline.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 tsuya_prior_options tsuya_prior_options_default(void)
@@ -314,12 +314,6 @@ static tsuya_status fit(window *w, bool *solved, int which)
     return TSUYA_OK;
 }
 
-static int compare_float(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
 /* Half a cell around, so that surfaces which merely cross do not count as the same. */
 static double parting_of(const prior_place *a, const prior_place *b, double cell_px)
 {
@@ -332,7 +326,7 @@ static void accept(tsuya_depth_map *prior, window *w, const size_t *list)
     const picture *p = w->p;
     const tsuya_stereo_level *l = p->level;
     const size_t pixels = (size_t)p->width_px * (size_t)p->height_px, n = w->grey_count;
-    qsort(w->grey, n, sizeof *w->grey, compare_float);
+    tsuya_sort_floats(w->grey, n);
     const float dark = w->grey[n / 20] - GREY_MARGIN, light = w->grey[n - 1 - n / 20] + GREY_MARGIN;
     for (size_t i = 0; i < w->g->count; i++) {
         const size_t at = list[w->g->first + i];
@@ -365,7 +359,7 @@ static float bend_of_band(window *w, double share)
             w->band_bend[count++] = (float)(v.bend * w->p->level->fx_px / v.value);
         }
     }
-    qsort(w->band_bend, count, sizeof *w->band_bend, compare_float);
+    tsuya_sort_floats(w->band_bend, count);
     return count ? w->band_bend[(size_t)(share * (double)(count - 1))] : 0.0f;
 }
 
@@ -377,7 +371,7 @@ static void open_overbent(tsuya_depth_map *prior, window *w, const size_t *list,
     if (w->bend_count == 0) {
         return;
     }
-    qsort(w->bend, w->bend_count, sizeof *w->bend, compare_float);
+    tsuya_sort_floats(w->bend, w->bend_count);
     const double bend = w->bend[(size_t)(0.9 * (double)(w->bend_count - 1))];
     if (bend <= fmax(harmless, MOST_BEND * (double)bend_of_band(w, 0.9))) {
         return;

@@ -1,6 +1,7 @@
 #include "reconstruct/reconstruct.h"
 
 #include "core/image.h"
+#include "core/order.h"
 #include "reconstruct/background.h"
 #include "reconstruct/color.h"
 #include "reconstruct/fusion.h"
@@ -11,7 +12,6 @@
 #include "reconstruct/surface.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 /* Longer photographs are matched densely at half their size unless the options say otherwise. */
@@ -69,18 +69,12 @@ static tsuya_status hash_inputs(tsuya_hash *hash, const tsuya_reconstruct_option
     return status;
 }
 
-static int compare_doubles(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return x < y ? -1 : x > y;
-}
-
 static double median(double *values, size_t count)
 {
     if (count == 0) {
         return NAN;
     }
-    qsort(values, count, sizeof *values, compare_doubles);
+    tsuya_sort_doubles(values, count);
     return values[count / 2];
 }
 

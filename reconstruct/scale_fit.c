@@ -2,9 +2,9 @@
 
 #include "core/dense.h"
 #include "core/memory.h"
+#include "core/order.h"
 #include "reconstruct/scale_points.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 enum { UNKNOWNS = 7, ROUNDS = 5, STEPS = 6, HELD_OUT_STEPS = 3, PAIR_TAGS = 48 };
@@ -240,12 +240,6 @@ static bool step(tsuya_scale_fit *f, const tsuya_scale_problem *p)
     return isfinite(f->scale);
 }
 
-static int compare_doubles(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* What the triangulation's covariances do not explain (cameras that are bent together, a mat that is not flat), metres. */
 static tsuya_status find_floor(tsuya_scale_problem *p)
 {
@@ -266,8 +260,8 @@ static tsuya_status find_floor(tsuya_scale_problem *p)
             }
         }
     }
-    qsort(error, (size_t)n, sizeof *error, compare_doubles);
-    qsort(own, (size_t)n, sizeof *own, compare_doubles);
+    tsuya_sort_doubles(error, (size_t)n);
+    tsuya_sort_doubles(own, (size_t)n);
     double seen = n ? 1.4826 * error[n / 2] : 0.0;
     p->fit.floor_m = n ? sqrt(fmax(seen * seen - own[n / 2], 1e-4 * seen * seen)) : 0.0;
     tsuya_free(error);

@@ -1,8 +1,8 @@
 #include "reconstruct/scale_points.h"
 
 #include "core/memory.h"
+#include "core/order.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 enum { PAIRS_VIEWS = 16, STEPS = 8, ROUNDS = 3 };
@@ -163,12 +163,6 @@ static void find_point(tsuya_scale_point *point, work *w, ray *k, int n)
     point->found = true;
 }
 
-static int compare_doubles(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* What residuals show beyond the corners' own sigmas: the medians of |residual| over all views of points seen three times and
  * more (two rays meet whatever the cameras do). */
 static tsuya_status find_camera_sigma(tsuya_scale_points *points, work *w)
@@ -195,7 +189,7 @@ static tsuya_status find_camera_sigma(tsuya_scale_points *points, work *w)
     }
     points->reprojection_px = all ? sqrt(sum / all) : NAN;
     if (n) {
-        qsort(size, (size_t)n, sizeof *size, compare_doubles);
+        tsuya_sort_doubles(size, (size_t)n);
         double seen = 1.4826 * size[n / 2];
         w->camera_sigma_px = sqrt(fmax(seen * seen - own / n, 1e-6));
     } else {

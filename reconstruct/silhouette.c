@@ -3,10 +3,10 @@
 #include "core/camera.h"
 #include "core/file.h"
 #include "core/memory.h"
+#include "core/order.h"
 #include "core/raster.h"
 #include "reconstruct/view_mask.h"
 
-#include <stdlib.h>
 
 static void compare(tsuya_silhouette_view *out, const tsuya_raster *raster, const tsuya_image *mask)
 {
@@ -52,12 +52,6 @@ done:
     return status;
 }
 
-static int compare_doubles(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static tsuya_status summarise(tsuya_silhouette_info *info)
 {
     double *sorted = tsuya_calloc((size_t)info->count, sizeof *sorted);
@@ -67,7 +61,7 @@ static tsuya_status summarise(tsuya_silhouette_info *info)
     for (int i = 0; i < info->count; i++) {
         sorted[i] = info->view[i].iou;
     }
-    qsort(sorted, (size_t)info->count, sizeof *sorted, compare_doubles);
+    tsuya_sort_doubles(sorted, (size_t)info->count);
     info->iou_min = sorted[0];
     info->iou_median = 0.5 * (sorted[(info->count - 1) / 2] + sorted[info->count / 2]);
     tsuya_free(sorted);

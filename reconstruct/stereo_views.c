@@ -1,5 +1,7 @@
 #include "reconstruct/stereo_views.h"
 
+#include "core/order.h"
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -16,12 +18,6 @@ static bool is_named(const char *name, const char *const *names, int count)
         }
     }
     return false;
-}
-
-static int compare_double(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
 }
 
 static double point_depth(const tsuya_view *view, tsuya_vec3 position)
@@ -62,7 +58,7 @@ static bool depth_range(tsuya_view_plan *plan, const tsuya_sparse_model *model, 
     if (count < LEAST_POINTS) {
         return false;
     }
-    qsort(depth, (size_t)count, sizeof *depth, compare_double);
+    tsuya_sort_doubles(depth, (size_t)count);
     plan->depth_min = 0.75 * depth[(int)(0.01 * (count - 1))];
     plan->depth_max = 1.25 * depth[(int)ceil(0.99 * (count - 1))];
     return true;

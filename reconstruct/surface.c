@@ -1,6 +1,7 @@
 #include "reconstruct/surface.h"
 
 #include "core/memory.h"
+#include "core/order.h"
 #include "reconstruct/cloud_clean.h"
 #include "reconstruct/mesh_distance.h"
 #include "reconstruct/mesh_refine.h"
@@ -9,7 +10,6 @@
 #include "reconstruct/pcl_adapter.h"
 #include "reconstruct/surface_support.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 enum { POINTS_MIN = 32, DEPTH_MIN = 4, DEPTH_MAX = 12, GAP_SMOOTHING = 4, HULL_MARGIN_PX = 4, SIMPLIFY_TRIALS = 4 };
@@ -199,12 +199,6 @@ done:
     return status;
 }
 
-static int compare_floats(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
 /* Distances of points to a mesh: value at a share of them, and the largest. */
 static tsuya_status distance_statistics(double share[2], double value[2], double *largest, const tsuya_mesh *mesh,
                                         const tsuya_mesh *points, const tsuya_context *context)
@@ -215,7 +209,7 @@ static tsuya_status distance_statistics(double share[2], double value[2], double
     }
     tsuya_status status = tsuya_mesh_distances(distance, mesh, points->position, points->vertex_count, context);
     if (status == TSUYA_OK) {
-        qsort(distance, points->vertex_count, sizeof *distance, compare_floats);
+        tsuya_sort_floats(distance, points->vertex_count);
         for (int k = 0; k < 2; k++) {
             value[k] = (double)distance[(size_t)(share[k] * (double)(points->vertex_count - 1))];
         }

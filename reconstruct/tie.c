@@ -2,9 +2,9 @@
 
 #include "core/dense.h"
 #include "core/memory.h"
+#include "core/order.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 enum { POSE = 6, GRID = 5, HALVES = 2 };
@@ -97,18 +97,12 @@ static void accumulate(normal *n, const rows *r, const double factor[9])
     }
 }
 
-static int compare(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Σ JᵀJ / (2 n) over a grid of the frame at two depths: turns a change of pose into pixels. */
 static void frame_of(double m[POSE * POSE], const tsuya_camera *camera, double *depth, int count)
 {
     int n = 0;
     memset(m, 0, POSE * POSE * sizeof *m);
-    qsort(depth, (size_t)count, sizeof *depth, compare);
+    tsuya_sort_doubles(depth, (size_t)count);
     for (int i = 0; i < 2 * GRID * GRID; i++) {
         double z = depth[(int)(FRAME[i % 2] * (count - 1))], g[2][3], row[POSE];
         tsuya_vec2 at = {(i / 2 % GRID + 0.5) / GRID * camera->width_px - 0.5, (i / 2 / GRID + 0.5) / GRID * camera->height_px - 0.5};

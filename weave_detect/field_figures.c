@@ -1,21 +1,15 @@
 #include "weave_detect/field_figures.h"
 
 #include "core/memory.h"
+#include "core/order.h"
 
-#include <stdlib.h>
-
-static int compare_floats(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
 
 static double quantile(float *value, size_t count, double q)
 {
     if (count == 0) {
         return NAN;
     }
-    qsort(value, count, sizeof *value, compare_floats);
+    tsuya_sort_floats(value, count);
     return (double)value[(size_t)(q * (double)(count - 1))];
 }
 

@@ -2,23 +2,17 @@
 
 #include "core/geometry.h"
 #include "core/memory.h"
+#include "core/order.h"
 
-#include <stdlib.h>
 
 static const double SURE = 0.8;
-
-static int compare_doubles(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
 
 static double median(double *value, size_t count)
 {
     if (count == 0) {
         return NAN;
     }
-    qsort(value, count, sizeof *value, compare_doubles);
+    tsuya_sort_doubles(value, count);
     return value[count / 2];
 }
 

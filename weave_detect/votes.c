@@ -4,10 +4,10 @@
 #include "core/file.h"
 #include "core/image.h"
 #include "core/memory.h"
+#include "core/order.h"
 #include "core/raster.h"
 #include "weave_detect/detector.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 enum { LOOKS = 9, WINDOW_MAX = 512 }; /* LOOKS a side: where the surface under a patch is looked up */
@@ -345,12 +345,6 @@ done:
     return status;
 }
 
-static int compare_floats(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
 /* Spacings of the patches that were looked at, gathered over the photographs. */
 typedef struct spacings {
     float *value;
@@ -431,7 +425,7 @@ tsuya_status tsuya_votes_gather(tsuya_votes *votes, const tsuya_mesh *mesh, cons
     TSUYA_GOTO_DONE(status, tsuya_sparse_model_load(&model, sparse));
     TSUYA_GOTO_DONE(status, gather_views(votes, &list, &model, mesh, options, context));
     if (list.count > 0) {
-        qsort(list.value, list.count, sizeof *list.value, compare_floats);
+        tsuya_sort_floats(list.value, list.count);
         votes->spacing = (double)list.value[list.count / 2];
     } else {
         votes->spacing = tsuya_mesh_mean_edge(mesh);
