@@ -18,6 +18,7 @@ typedef struct tsuya_path_options {
     bool lamps_visible;   /* disks and rectangles in front of the camera */
     const tsuya_shader *card; /* stands in for every material, without dye; NULL: the scene's own */
     tsuya_strategy strategy; /* for tests; point, spot and directional lamps need MIS or LAMPS */
+    bool single_rays;     /* for benches: no eight at a time */
     /* For benches: told every ray (single thread). NULL: nobody. */
     void (*ray_sink)(void *user, const tsuya_ray *ray, bool shadow);
     void *ray_user;

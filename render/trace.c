@@ -455,7 +455,7 @@ static void intersect_all(const tsuya_tracer *t, walker *w, int count, bool bund
         ray[k] = w[k].ray = make_ray(w[k].origin, w[k].direction, INFINITY);
         report_ray(t, &ray[k], false);
     }
-    if (bundle && count > 2) {
+    if (bundle && count > 2 && !t->options->single_rays) {
         tsuya_scene_intersect_packet(t->scene, ray, count, hit, met);
     } else {
         for (int k = 0; k < count; ++k) {
@@ -482,7 +482,7 @@ static int occlude_all(const tsuya_tracer *t, walker *w, int count, bool bundle)
             report_ray(t, &w[k].shadow, true);
         }
     }
-    if (bundle && rays > 2) {
+    if (bundle && rays > 2 && !t->options->single_rays) {
         tsuya_scene_occluded_packet(t->scene, ray, rays, hidden);
     } else {
         for (int k = 0; k < rays; ++k) {
