@@ -36,8 +36,11 @@ patch_row_kernel tsuya_patch_row_kernel(tsuya_simd simd)
     if (wide && (simd == TSUYA_SIMD_AUTO || simd == TSUYA_SIMD_AVX512)) {
         return tsuya_patch_row_avx512;
     }
-    if (simd != TSUYA_SIMD_PORTABLE && __builtin_cpu_supports("avx2")) {
+    if ((simd == TSUYA_SIMD_AUTO || simd >= TSUYA_SIMD_AVX2) && __builtin_cpu_supports("avx2")) {
         return tsuya_patch_row_avx2;
+    }
+    if (simd != TSUYA_SIMD_PORTABLE && __builtin_cpu_supports("sse4.2")) {
+        return tsuya_patch_row_sse42;
     }
 #else
     (void)simd;

@@ -63,7 +63,7 @@ typedef struct tsuya_patchmatch_source {
 } tsuya_patchmatch_source;
 
 /* Instruction sets of the kernels; every one gives the same result, AUTO is the widest that the processor has. */
-typedef enum tsuya_simd { TSUYA_SIMD_AUTO, TSUYA_SIMD_PORTABLE, TSUYA_SIMD_AVX2, TSUYA_SIMD_AVX512 } tsuya_simd;
+typedef enum tsuya_simd { TSUYA_SIMD_AUTO, TSUYA_SIMD_PORTABLE, TSUYA_SIMD_SSE42, TSUYA_SIMD_AVX2, TSUYA_SIMD_AVX512 } tsuya_simd;
 
 typedef struct tsuya_patchmatch_options {
     tsuya_simd simd;

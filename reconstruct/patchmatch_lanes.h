@@ -1,5 +1,5 @@
-/* The PatchMatch kernels over LANES pixels at a time.  Included by patchmatch_portable.c, patchmatch_avx2.c and
- * patchmatch_avx512.c, which define LANES, KERNEL (the public function's name) and the operations that gcc's vector
+/* The PatchMatch kernels over LANES pixels at a time.  Included by patchmatch_portable.c, patchmatch_sse42.c,
+ * patchmatch_avx2.c and patchmatch_avx512.c, which define LANES, KERNEL (the public function's name) and the operations that gcc's vector
  * extensions lack: lane_sqrt, lane_max, lane_min, lane_madd16, lane_quads.
  *
  * Every operation is lane-wise IEEE arithmetic without contraction, so that all widths give the same bits. */

@@ -75,6 +75,7 @@ typedef struct patch_pass {
 typedef void (*patch_row_kernel)(const patch_level *level, plane_field *field, const patch_pass *pass, int y);
 
 void tsuya_patch_row_portable(const patch_level *level, plane_field *field, const patch_pass *pass, int y);
+void tsuya_patch_row_sse42(const patch_level *level, plane_field *field, const patch_pass *pass, int y);
 void tsuya_patch_row_avx2(const patch_level *level, plane_field *field, const patch_pass *pass, int y);
 void tsuya_patch_row_avx512(const patch_level *level, plane_field *field, const patch_pass *pass, int y);
 

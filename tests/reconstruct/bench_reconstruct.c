@@ -25,6 +25,8 @@ static const variant variants[] = {
     {"no prior", "no prior", false, true, true, TSUYA_SIMD_AUTO},
     {"no geometric pass", "no geometric pass", true, false, true, TSUYA_SIMD_AUTO},
     {"one scale", "one scale", true, true, false, TSUYA_SIMD_AUTO},
+    {"SSE4.2", "SSE4.2", true, true, true, TSUYA_SIMD_SSE42},
+    {"AVX2", "AVX2", true, true, true, TSUYA_SIMD_AVX2},
     {"portable code", "portable code", true, true, true, TSUYA_SIMD_PORTABLE},
     {"portable, one scale", "portable code and one scale", true, true, false, TSUYA_SIMD_PORTABLE},
 };
