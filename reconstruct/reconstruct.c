@@ -349,7 +349,7 @@ static double dense_seconds(const tsuya_reconstruction *r)
 static tsuya_status collect(tsuya_reconstruction *r)
 {
     tsuya_reconstruct_info *info = r->info;
-    static const char *const PARTS[] = {"pinhole", "background", "matching", "mapping", "scale", "stereo", "fusion", "surface", "color"};
+    static const char *const PARTS[] = {"pinhole", "background", "features", "matching", "mapping", "scale", "stereo", "fusion", "surface", "color"};
     if (!(info->parts = tsuya_json_create_object())) {
         return TSUYA_ERROR_MEMORY;
     }

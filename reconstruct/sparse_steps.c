@@ -1,5 +1,6 @@
 #include "reconstruct/sparse_steps.h"
 
+#include "core/colmap_lens.h"
 #include "core/image.h"
 #include "reconstruct/adjust.h"
 #include "reconstruct/adjust_tags.h"
@@ -19,6 +20,8 @@
 
 /* From so many photographs of one lens on, COLMAP refines tangential distortion too. */
 enum { ENOUGH_FOR_OPENCV = 10 };
+/* Pixels a side at which two lenses are compared. */
+enum { CONVERSION_GRID = 25 };
 /* Features of a photograph: a small one has no more than this many pixels for each, so that threads in a close-up, all alike, do not crowd out its pattern. */
 enum { FEATURES_MOST = 8192, FEATURES_LEAST = 1024, PIXELS_OF_FEATURE = 64 };
 
@@ -134,6 +137,28 @@ done:
     return status;
 }
 
+/* How far a pixel moves from the given lens to the one that COLMAP gets, over a grid. */
+static tsuya_status measure_conversion(double *most_px, const tsuya_camera *camera)
+{
+    double p[12] = {0};
+    const tsuya_colmap_lens *lens = tsuya_colmap_parameters(p, camera);
+    tsuya_camera converted = {.width_px = camera->width_px, .height_px = camera->height_px};
+    *most_px = 0.0;
+    if (!lens) {
+        return TSUYA_ERROR_INPUT;
+    }
+    tsuya_colmap_camera(&converted, lens, p);
+    for (int k = 0; k < CONVERSION_GRID * CONVERSION_GRID; k++) {
+        tsuya_vec2 pixel = {(k % CONVERSION_GRID + 0.5) * camera->width_px / CONVERSION_GRID - 0.5,
+                            (k / CONVERSION_GRID + 0.5) * camera->height_px / CONVERSION_GRID - 0.5}, there;
+        tsuya_vec3 ray;
+        if (tsuya_camera_unproject(camera, pixel, &ray) && tsuya_camera_project(&converted, ray, &there)) {
+            *most_px = fmax(*most_px, hypot(there.x - pixel.x, there.y - pixel.y));
+        }
+    }
+    return TSUYA_OK;
+}
+
 static tsuya_status features(tsuya_reconstruction *r)
 {
     tsuya_lens lens = r->photos.count >= ENOUGH_FOR_OPENCV ? TSUYA_LENS_OPENCV4 : TSUYA_LENS_SIMPLE_RADIAL;
@@ -154,7 +179,16 @@ static tsuya_status features(tsuya_reconstruction *r)
     if (r->options->poses) {
         TSUYA_TRY(adopt_poses(r, tsuya_reconstruction_path(r, "posed")));
     }
-    return tsuya_reconstruction_end_step(r, NULL);
+    double moved_px = 0.0;
+    TSUYA_TRY(given ? measure_conversion(&moved_px, &camera) : TSUYA_OK);
+    tsuya_json *figures = tsuya_json_create_object();
+    tsuya_json_set_number(figures, "most", most);
+    if (given) {
+        tsuya_json_set_number(figures, "lens_conversion_px", moved_px);
+    }
+    tsuya_status status = figures ? tsuya_reconstruction_end_step(r, figures) : TSUYA_ERROR_MEMORY;
+    tsuya_json_free(figures);
+    return status;
 }
 
 /* Says which photographs the kept model lacks. */
