@@ -91,12 +91,12 @@ const double tsuya_bent[TSUYA_BENT] = {1.0, -0.313883035136164, 0.12665964216339
 /* The angle, in [0, 90°], that is bent to this one. */
 static double straightened(double bent)
 {
-    double p = fmin(bent, 0.5 * M_PI - bent), q = tan(p);
+    double over = bent - 0.25 * M_PI, p = fabs(over), q = tan(p);
     for (int turn = 0; turn < 6; ++turn) {
         double z = q * q, value = q * (tsuya_bent[0] + z * (tsuya_bent[1] + z * (tsuya_bent[2] + z * tsuya_bent[3])));
         q -= (value - p) / (tsuya_bent[0] + z * (3.0 * tsuya_bent[1] + z * (5.0 * tsuya_bent[2] + z * 7.0 * tsuya_bent[3])));
     }
-    return bent > 0.25 * M_PI ? 0.5 * M_PI - atan(q) : atan(q);
+    return 0.25 * M_PI + copysign(atan(q), over);
 }
 
 static double value_at(const double *control, double x, double low, int intervals)
@@ -108,7 +108,9 @@ static double value_at(const double *control, double x, double low, int interval
 
 /* Where a cubic meets the curve between an interval's ends: with these it misses least (zeros of Chebyshev's polynomial, stretched until the
  * outer two are the ends). */
-static const double inner[2] = {0.29289321881345254, 0.70710678118654746};
+enum { MEETS = 4, PLACES = 7 }; /* behind the four places: where it misses most */
+#define INNER 0.29289321881345254
+static const double places[PLACES] = {0.0, INNER, 1.0 - INNER, 1.0, 0.13, 0.5, 0.87};
 
 /* Of each interval of a table: by how much it misses its curve, and how large the curve is there. */
 typedef struct missed {
@@ -116,32 +118,57 @@ typedef struct missed {
     double by[TSUYA_WIDE_CURVE], size[TSUYA_WIDE_CURVE];
 } missed;
 
+/* The cubic through the first four values, as an interval's entries; returns what the others miss. */
+static double fill_cubic(float *to, int entries, const double y[PLACES])
+{
+    const double p = places[1], q = places[2];
+    double near = ((y[2] - y[0]) / q - (y[1] - y[0]) / p) / (q - p), far = ((y[3] - y[0]) - (y[2] - y[0]) / q) / (1.0 - q);
+    double c = (far - near) / (1.0 - p), b = near - c * (p + q), a = y[3] - y[0] - b - c, most = 0.0;
+    for (int i = MEETS; i < PLACES; ++i) {
+        most = fmax(most, fabs(y[0] + places[i] * (a + places[i] * (b + places[i] * c)) - y[i]));
+    }
+    to[0] = (float)y[0];
+    to[entries] = (float)a;
+    to[2 * entries] = (float)b;
+    to[3 * entries] = (float)c;
+    return most;
+}
+
 /* A curve over an angle in [low, 90°], low 0 or −90°, as cubics over the bent angle, coefficient after coefficient; each goes through four
  * values, its ends among them. */
 static missed fill_bent(float *to, int entries, const double *control, double low, int intervals, double factor)
 {
-    const double at[7] = {0.0, inner[0], inner[1], 1.0, 0.13, 0.5, 0.87}; /* the last three: where most is missed */
-    const double p = inner[0], q = inner[1];
     int count = tsuya_wide_intervals(intervals, entries);
     missed m = {.count = count};
     for (int k = 0; k <= count; ++k) {
-        double y[7];
-        for (int i = 0; i < 7; ++i) {
-            double bent = low + (0.5 * M_PI - low) * fmin((k + at[i]) / count, 1.0);
-            y[i] = factor * value_at(control, copysign(straightened(fabs(bent)), bent), low, intervals) - (i > 0 ? y[0] : 0.0);
+        double y[PLACES];
+        for (int i = 0; i < PLACES; ++i) {
+            double bent = low + (0.5 * M_PI - low) * fmin((k + places[i]) / count, 1.0);
+            y[i] = factor * value_at(control, copysign(straightened(fabs(bent)), bent), low, intervals);
         }
-        double near = (y[2] / q - y[1] / p) / (q - p), far = (y[3] - y[2] / q) / (1.0 - q);
-        double c = (far - near) / (1.0 - p), b = near - c * (p + q), a = y[3] - b - c;
-        for (int i = 1; i < 7 && k < count; ++i) {
-            m.by[k] = fmax(m.by[k], i < 4 ? 0.0 : fabs(at[i] * (a + at[i] * (b + at[i] * c)) - y[i]));
-            m.size[k] = fmax(m.size[k], fmax(fabs(y[0]), fabs(y[0] + y[i])));
+        double by = fill_cubic(to + k, entries, y);
+        if (k < count) {
+            m.by[k] = by;
+            m.size[k] = largest_size(y, PLACES);
         }
-        to[k] = (float)y[0];
-        to[entries + k] = (float)a;
-        to[2 * entries + k] = (float)b;
-        to[3 * entries + k] = (float)c;
     }
     return m;
+}
+
+/* What Fresnel's term adds, over the cosine.  Returns what is missed, relative to the term: a yarn's gloss is at most its strength. */
+static double fill_rise(float *to, const tsuya_sheen *s)
+{
+    const int count = TSUYA_WIDE_RISE - 1;
+    double most = 0.0;
+    for (int k = 0; k <= count; ++k) {
+        double y[PLACES];
+        for (int i = 0; i < PLACES; ++i) {
+            y[i] = tsuya_sheen_rise(s, s->lowest_cosine + (1.0 - s->lowest_cosine) * fmin((k + places[i]) / count, 1.0));
+        }
+        double by = fill_cubic(to + k, TSUYA_WIDE_RISE, y);
+        most = k < count ? fmax(most, by / (1.0 + fmin(y[0], y[3]))) : most;
+    }
+    return most;
 }
 
 /* The cubics of a periodic curve's intervals. */
@@ -233,7 +260,8 @@ static double fill_wide(const tsuya_sheen *s)
         to[TSUYA_WIDE_WEFT] = (float)s->strength[1][c];
         to[TSUYA_WIDE_MATTE] = (float)s->matte[c];
     }
-    return fill_terms(s) + fmax(most[TSUYA_SHEEN_WARP_ALONG] + most[TSUYA_SHEEN_WARP_ACROSS], most[TSUYA_SHEEN_WEFT_ALONG] + most[TSUYA_SHEEN_WEFT_ACROSS]);
+    double rise = tsuya_sheen_glossy(s) ? fill_rise(s->wide + tsuya_wide_rise(), s) : 0.0;
+    return rise + fill_terms(s) + fmax(most[TSUYA_SHEEN_WARP_ALONG] + most[TSUYA_SHEEN_WARP_ACROSS], most[TSUYA_SHEEN_WEFT_ALONG] + most[TSUYA_SHEEN_WEFT_ACROSS]);
 }
 
 tsuya_status tsuya_sheen_tables(tsuya_sheen *s)

@@ -135,12 +135,21 @@ static angle_scale scale_of(const double *odd, int count, double per_rad)
     return s;
 }
 
+/* The angle whose tangent is across / along, both at least 0, from q = (across - along)/(across + along), the tangent of what it has over
+ * 45 degrees: neither half of the right angle needs a case of its own. */
+INLINE lanes angle_of(lanes q, const angle_scale *s)
+{
+    lanes z = q * q, p = all(s->odd[TSUYA_BENT - 1]);
+    for (int k = TSUYA_BENT - 2; k >= 0; --k) {
+        p = p * z + all(s->odd[k]);
+    }
+    return q * p + all(0.5f * s->quarter);
+}
+
 /* ψ of one component. */
 INLINE lanes inclination(lanes component, lanes size, lanes z, const angle_scale *s)
 {
-    lanes p = odd_polynomial(_mm512_min_ps(size, z) / _mm512_max_ps(size, z), s->odd, TSUYA_BENT), quarter = all(s->quarter);
-    p = _mm512_mask_sub_ps(p, _mm512_cmp_ps_mask(size, z, _CMP_GT_OQ), quarter, p);
-    return quarter + _mm512_or_ps(p, _mm512_and_ps(component, all(-0.0f)));
+    return all(s->quarter) + _mm512_or_ps(angle_of((size - z) / (size + z), s), _mm512_and_ps(component, all(-0.0f)));
 }
 
 INLINE lanes azimuth(const half *h, const angle_scale *s)
@@ -155,9 +164,8 @@ INLINE lanes azimuth(const half *h, const angle_scale *s)
 /* The angle whose tangent squared is across2 / along2. */
 INLINE lanes angle_of_squares(lanes across2, lanes along2, const angle_scale *s)
 {
-    lanes small = _mm512_min_ps(across2, along2), large = _mm512_max_ps(across2, along2);
-    lanes p = odd_polynomial(_mm512_sqrt_ps(small / _mm512_max_ps(large, all(1e-30f))), s->odd, TSUYA_BENT);
-    return _mm512_mask_sub_ps(p, _mm512_cmp_ps_mask(across2, along2, _CMP_GT_OQ), all(s->quarter), p);
+    lanes root = _mm512_sqrt_ps(across2 * along2);
+    return angle_of((across2 - along2) / (across2 + along2 + (root + root)), s);
 }
 
 /* What every sixteen directions need of the sheen; logarithms to base 2. */
@@ -165,7 +173,7 @@ typedef struct cloth {
     const float *curves, *terms, *channels;
     int count, level; /* terms; and those that do not change with φ, which come first */
     bool flat, deep, glossy, small, low; /* small, low: curves of the yarns of up to 31 intervals, and over θh of up to 15 */
-    float lowest, eta2, per, gloss[2];
+    float lowest, per, gloss[2]; /* of the cosine; per: intervals */
     angle_scale psi, phi, theta, d;
     float slant[2][2], reach[2][2]; /* [yarn][of dy2, dx2] */
 } cloth;
@@ -174,8 +182,7 @@ static void take_gloss(cloth *c, const tsuya_sheen *s)
 {
     c->glossy = tsuya_sheen_glossy(s);
     c->lowest = (float)s->lowest_cosine;
-    c->eta2 = (float)(s->eta * s->eta - 1.0);
-    c->per = (float)(0.5 * pow((s->eta + 1.0) / (s->eta - 1.0), 2.0));
+    c->per = (float)((TSUYA_WIDE_RISE - 1) / (1.0 - s->lowest_cosine));
     c->gloss[0] = (float)s->gloss[0];
     c->gloss[1] = (float)s->gloss[1];
 }
@@ -210,14 +217,16 @@ INLINE lanes slanted(const cloth *c, int yarn, lanes dx2, lanes dy2)
     return all(c->slant[yarn][0]) * _mm512_min_ps(dy2, all(c->reach[yarn][0])) + all(c->slant[yarn][1]) * _mm512_min_ps(dx2, all(c->reach[yarn][1]));
 }
 
+/* All sixteen without a mask, which would cost an instruction more each. */
+INLINE lanes load_some(const float *from, int left, __mmask16 here) { return left < TSUYA_WIDE_LANES ? _mm512_maskz_loadu_ps(here, from) : _mm512_loadu_ps(from); }
+
 INLINE void find_places(block *b, const cloth *c, const tsuya_direction_batch *d, int from, int steps, bool flat, bool deep)
 {
     for (int k = 0; k < steps; ++k) {
         int at = from + k * TSUYA_WIDE_LANES, left = d->count - at;
         __mmask16 here = (__mmask16)(left < TSUYA_WIDE_LANES ? (1u << left) - 1u : 0xffffu);
-        lanes ix = _mm512_maskz_loadu_ps(here, d->wi_x + at), iy = _mm512_maskz_loadu_ps(here, d->wi_y + at);
-        lanes iz = _mm512_maskz_loadu_ps(here, d->wi_z + at), ox = _mm512_maskz_loadu_ps(here, d->wo_x + at);
-        lanes oy = _mm512_maskz_loadu_ps(here, d->wo_y + at), oz = _mm512_maskz_loadu_ps(here, d->wo_z + at);
+        lanes ix = load_some(d->wi_x + at, left, here), iy = load_some(d->wi_y + at, left, here), iz = load_some(d->wi_z + at, left, here);
+        lanes ox = load_some(d->wo_x + at, left, here), oy = load_some(d->wo_y + at, left, here), oz = load_some(d->wo_z + at, left, here);
         lanes dx = ix - ox, dy = iy - oy, dz = iz - oz, dx2 = dx * dx, dy2 = dy * dy;
         half h = {.x = ix + ox, .y = iy + oy, .z = _mm512_max_ps(iz + oz, all(1e-9f))};
         h.tx = _mm512_abs_ps(h.x);
@@ -274,16 +283,14 @@ INLINE void weave_yarns(block *b, const cloth *c, int steps)
     }
 }
 
-/* What Fresnel's term adds to the yarns (brdf/kernel.h). */
+/* What Fresnel's term adds to the yarns. */
 INLINE void shine(block *b, const cloth *c, int steps)
 {
-    const lanes lowest = all(c->lowest), eta2 = all(c->eta2), one = all(1.0f);
+    const curve_16 rise = load_16(c->curves + tsuya_wide_rise());
     for (int k = 0; k < steps; ++k) {
-        lanes cosine = _mm512_max_ps(all(0.5f) * _mm512_sqrt_ps(b->gloss[k]), lowest), root = _mm512_sqrt_ps(eta2 + cosine * cosine);
-        lanes more = root + cosine, with = cosine * (root - cosine) + one, against = cosine * more - one;
-        lanes ratio = eta2 / (more * more * with);
-        lanes rise = all(c->per) * ratio * ratio * (with * with + against * against) - one;
-        b->gloss[k] = (all(c->gloss[0]) * b->warp[k] + all(c->gloss[1]) * b->weft[k]) * rise;
+        lanes cosine = _mm512_min_ps(_mm512_max_ps(all(0.5f) * _mm512_sqrt_ps(b->gloss[k]), all(c->lowest)), all(1.0f));
+        place p = place_of(cosine * all(c->per) - all(c->lowest * c->per));
+        b->gloss[k] = (all(c->gloss[0]) * b->warp[k] + all(c->gloss[1]) * b->weft[k]) * value_16(&rise, &p);
     }
 }
 
