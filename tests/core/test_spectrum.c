@@ -1,5 +1,6 @@
 /* The observer's analytic fit against the CIE's own table, over measured reflectances. */
 #include "core/color.h"
+#include "core/order.h"
 #include "core/process.h"
 #include "core/spectrum.h"
 #include "core/table.h"
@@ -43,12 +44,6 @@ static tsuya_vec3 by_table(const tsuya_table *t, const double *r)
     return (tsuya_vec3){d65.x * sum.x / white.x, d65.y * sum.y / white.y, d65.z * sum.z / white.z};
 }
 
-static int rising(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static void test_observer_against_the_table(void **state)
 {
     (void)state;
@@ -72,8 +67,8 @@ static void test_observer_against_the_table(void **state)
         coarse[s] = tsuya_color_difference(truth, tsuya_lab_from_xyz(tsuya_xyz_of_reflectance(nm, few, 35), tsuya_white_d65()));
     }
     tsuya_table_free(&table);
-    qsort(error, SAMPLES, sizeof error[0], rising);
-    qsort(coarse, SAMPLES, sizeof coarse[0], rising);
+    tsuya_sort_doubles(error, SAMPLES);
+    tsuya_sort_doubles(coarse, SAMPLES);
     print_message("CIEDE2000 over %d reflectances: every 1 nm median %.2f, p90 %.2f, largest %.2f; 390 … 730 nm every 10 median %.2f, largest %.2f\n", SAMPLES,
                   error[49], error[89], error[98], coarse[49], coarse[98]);
     assert_true(error[49] < 0.3 && error[98] < 1.2 && coarse[98] < 1.3);

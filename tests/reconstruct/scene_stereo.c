@@ -1,6 +1,7 @@
 #include "scene_stereo.h"
 
 #include "core/memory.h"
+#include "core/order.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -94,12 +95,6 @@ tsuya_status scene_stereo_solve(tsuya_depth_map *map, scene_stereo *s, int view,
     return solve(map, s, view, true, true, masked, options, context);
 }
 
-static int compare(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
 static float normal_angle_deg(const float *a, const float *b, size_t at, size_t pixels)
 {
     float dot = a[at] * b[at] + a[pixels + at] * b[pixels + at] + a[2 * pixels + at] * b[2 * pixels + at];
@@ -129,8 +124,8 @@ bool scene_errors_measure(scene_errors *e, const scene_pictures *scene, int view
     }
     bool done = error && angle && count > 0;
     if (done) {
-        qsort(error, count, sizeof *error, compare);
-        qsort(angle, count, sizeof *angle, compare);
+        tsuya_sort_floats(error, count);
+        tsuya_sort_floats(angle, count);
         *e = (scene_errors){error[count / 2], error[count * 9 / 10], (double)within / (double)textured,
                             (double)wrong / (double)filled, bare ? (double)wrong_bare / (double)bare : 0.0,
                             angle[count / 2]};

@@ -3,6 +3,7 @@
 #include "support.h"
 
 #include "core/image.h"
+#include "core/order.h"
 #include "core/process.h"
 #include "published.h"
 #include "reconstruct/reconstruct.h"
@@ -170,12 +171,6 @@ static double window_ncc(const picture *a, const tsuya_image *b, int x, int y)
     return seen ? (sab - sa * sb / n) / sqrt(fmax(va * vb, 1e-12)) : -2.0;
 }
 
-static int compare(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static void assert_colours_agree(const picture *drawn, const tsuya_image *seen)
 {
     enum { MOST = 100000, STEP = 4, EDGE = 8 };
@@ -192,7 +187,7 @@ static void assert_colours_agree(const picture *drawn, const tsuya_image *seen)
         }
     }
     assert_true(count > 0);
-    qsort(ncc, count, sizeof *ncc, compare);
+    tsuya_sort_doubles(ncc, count);
     print_message("fountain: held-out %s: %.1f %% of its windows drawn; NCC median %.3f, lower decile %.3f, %.1f %% above 0.8\n", HELD_OUT,
                   100.0 * (double)count / (double)windows, ncc[count / 2], ncc[count / 10], 100.0 * (double)good / (double)count);
     assert_true((double)count >= 0.6 * (double)windows);

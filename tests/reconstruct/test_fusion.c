@@ -3,6 +3,7 @@
 
 #include "core/image.h"
 #include "core/memory.h"
+#include "core/order.h"
 #include "core/process.h"
 #include "reconstruct/fusion.h"
 #include "reconstruct/stereo.h"
@@ -61,12 +62,6 @@ static solved *solved_scene(scene_kind kind)
     return s;
 }
 
-static int compare_double(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 typedef struct cloud_errors { double median, p90, honest; } cloud_errors;
 
 /* Distances of the cloud from the true surface; share that lies within two sigma. */
@@ -81,7 +76,7 @@ static cloud_errors measure_cloud(const tsuya_mesh *cloud, scene_kind kind)
         assert_true(cloud->sigma[i] > 0.0f && isfinite(cloud->sigma[i]));
         assert_true(cloud->evidence[i] >= 3.0f || (cloud->evidence[i] >= 0.0f && cloud->sigma[i] > 0.0003f)); /* measured, or helped */
     }
-    qsort(error, cloud->vertex_count, sizeof *error, compare_double);
+    tsuya_sort_doubles(error, cloud->vertex_count);
     cloud_errors e = {error[cloud->vertex_count / 2], error[cloud->vertex_count * 9 / 10],
                       (double)within / (double)cloud->vertex_count};
     tsuya_free(error);

@@ -1,6 +1,7 @@
 #include "support.h"
 
 #include "core/memory.h"
+#include "core/order.h"
 #include "reconstruct/prior.h"
 #include "scene_stereo.h"
 
@@ -102,12 +103,6 @@ static void highlight_is_mostly_refused(void **state)
     assert_true(e.wrong_bare <= 0.12);
 }
 
-static int compare_float(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
 /* Of what stereo leaves open in the empty third of satin, the curved prior closes at least half, as accurately as stereo has
  * to be elsewhere; nothing appears where nothing is. */
 static void satin_is_closed_by_the_prior(void **state)
@@ -136,7 +131,7 @@ static void satin_is_closed_by_the_prior(void **state)
         }
     }
     assert_true(closed > 0);
-    qsort(error, closed, sizeof *error, compare_float);
+    tsuya_sort_floats(error, closed);
     print_message("satin    %zu of %zu open bare pixels closed, median %.3f p90 %.3f gsd\n", closed, open, error[closed / 2], error[closed * 9 / 10]);
     assert_true((double)closed >= 0.5 * (double)open);
     assert_true(error[closed / 2] <= 0.5f);

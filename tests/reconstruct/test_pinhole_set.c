@@ -4,6 +4,7 @@
 #include "core/image.h"
 #include "core/memory.h"
 #include "core/mesh.h"
+#include "core/order.h"
 #include "core/process.h"
 #include "lens_scene.h"
 #include "reconstruct/reconstruct.h"
@@ -55,12 +56,6 @@ static void mark(tsuya_scale_input *input, tsuya_scale_sighting sighting[2 * VIE
     assert_true(count[0] >= 3 && count[1] >= 3);
     *distance = (tsuya_scale_distance){0, 1, tsuya_vec3_norm(tsuya_vec3_sub(end[0].point, end[1].point))};
     *input = (tsuya_scale_input){.source = "marks", .sighting = sighting, .sighting_count = count[0] + count[1], .distance = distance, .distance_count = 1};
-}
-
-static int compare(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return x < y ? -1 : x > y;
 }
 
 static void shape_comes_back(void **state)
@@ -117,7 +112,7 @@ static void shape_comes_back(void **state)
     for (size_t i = 0; i < cloud.vertex_count; i++) {
         off[i] = scene_distance_m(SCENE_SHEET, tsuya_similarity_apply(true_from_made, tsuya_mesh_position(&cloud, i))) / gsd;
     }
-    qsort(off, cloud.vertex_count, sizeof *off, compare);
+    tsuya_sort_doubles(off, cloud.vertex_count);
     double median = off[cloud.vertex_count / 2], p90 = off[cloud.vertex_count * 9 / 10];
     print_message("splined lens: %d of %d placed, %.2f px, centres within %.2f mm, scale off by %.3f %%, %zu points at %.2f / %.2f of a pixel (median, p90)\n",
                   info.registered, info.photos, info.reprojection_px, 1e3 * rms, 100 * fabs(true_from_made.scale - 1), cloud.vertex_count, median, p90);

@@ -2,6 +2,7 @@
 #include "support.h"
 
 #include "core/memory.h"
+#include "core/order.h"
 #include "reconstruct/fusion.h"
 #include "reconstruct/precision.h"
 #include "reconstruct/stereo.h"
@@ -31,12 +32,6 @@ static tsuya_precision choose(world *w, double tolerance, int side_px, int sourc
     return p;
 }
 
-static int compare_double(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* 95 % of the cloud's distances from the true sheet. */
 static double error_of_step(const world *w, tsuya_precision_step step)
 {
@@ -58,7 +53,7 @@ static double error_of_step(const world *w, tsuya_precision_step step)
     for (size_t i = 0; i < cloud.vertex_count; i++) {
         error[i] = scene_distance_m(SCENE_SHEET, tsuya_mesh_position(&cloud, i));
     }
-    qsort(error, cloud.vertex_count, sizeof *error, compare_double);
+    tsuya_sort_doubles(error, cloud.vertex_count);
     double p95 = error[(size_t)(0.95 * (double)cloud.vertex_count)];
     tsuya_free(error);
     tsuya_mesh_free(&cloud);

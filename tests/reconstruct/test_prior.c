@@ -3,6 +3,7 @@
 #include "support.h"
 
 #include "core/memory.h"
+#include "core/order.h"
 #include "reconstruct/prior.h"
 #include "reconstruct/prior_spline.h"
 
@@ -78,12 +79,6 @@ static tsuya_status solve(tsuya_depth_map *prior, const cloth *c, const uint8_t 
     return tsuya_prior(prior, &problem, &options, &context);
 }
 
-static int compare(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 typedef struct outcome { double closed, median_gsd, p98_gsd, normal_deg; } outcome;
 
 static outcome measure(const cloth *c, const tsuya_depth_map *prior)
@@ -100,7 +95,7 @@ static outcome measure(const cloth *c, const tsuya_depth_map *prior)
     }
     outcome o = {.closed = (double)count / (double)open};
     if (count) {
-        qsort(error, count, sizeof *error, compare);
+        tsuya_sort_doubles(error, count);
         o.median_gsd = error[count / 2];
         o.p98_gsd = error[count * 98 / 100];
     }

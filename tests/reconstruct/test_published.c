@@ -4,6 +4,7 @@
 #include "support.h"
 
 #include "core/image.h"
+#include "core/order.h"
 #include "core/process.h"
 #include "core/raster.h"
 #include "published.h"
@@ -84,12 +85,6 @@ static double overlap(const uint8_t *mask, const tsuya_raster *raster)
     return either ? (double)both / (double)either : 1.0;
 }
 
-static int compare(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Over the data's list of photographs whose outline can be had by a threshold. */
 static double median_overlap(const tsuya_sparse_model *model, const tsuya_mesh *mesh, int erode_px, const tsuya_context *context)
 {
@@ -114,7 +109,7 @@ static double median_overlap(const tsuya_sparse_model *model, const tsuya_mesh *
     fclose(list);
     tsuya_raster_free(&raster);
     assert_true(count >= 10);
-    qsort(iou, (size_t)count, sizeof *iou, compare);
+    tsuya_sort_doubles(iou, (size_t)count);
     print_message("dino: IoU with the outline %d px wider than the object, %d photographs: median %.4f, least %.4f\n", DILATE_PX - erode_px, count,
                   iou[count / 2], iou[0]);
     return iou[count / 2];

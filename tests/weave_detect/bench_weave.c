@@ -12,6 +12,7 @@
 #include "core/context.h"
 #include "core/image.h"
 #include "core/memory.h"
+#include "core/order.h"
 #include "weave_detect/detector.h"
 #include "weave_detect/patches.h"
 
@@ -39,12 +40,6 @@ typedef struct method {
     double seconds;
     double *error_deg;
 } method;
-
-static int compare_doubles(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
 
 static double worse_deg(const double angle[2], const weave_cloth *c)
 {
@@ -186,7 +181,7 @@ static void print_table(const sums *s, method *methods)
         for (int i = 0; i < n; i++) {
             within += methods[m].error_deg[i] < 1.0;
         }
-        qsort(methods[m].error_deg, (size_t)n, sizeof(double), compare_doubles);
+        tsuya_sort_doubles(methods[m].error_deg, (size_t)n);
         int runs = m == DETECTOR ? s->draws : n;
         /* at 50 % overlap each pixel is looked at four times; two cores */
         printf("%-28s %10.3f %10.3f %12.3f %12.1f\n", methods[m].name, methods[m].error_deg[n / 2], methods[m].error_deg[(int)(0.9 * (n - 1))],
@@ -212,10 +207,103 @@ static void print_confidence(const sums *s, const double *sure_error)
     }
 }
 
-/* Whole pictures: time against size, and patch and step turned. */
+/* Processor time of all threads. */
+static double all_cpu_s(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+enum { SHEET = 512, SHEETS = 36, EVERY = 16, RIM = 64, ALONG = (SHEET - 2 * RIM) / EVERY, POINTS = ALONG * ALONG };
+
+typedef struct curve_point {
+    double seconds, *error_deg;
+    int count, sure, sure_right;
+} curve_point;
+
+/* What a picture's patches say at points all over it: each asks the patch whose centre is nearest. */
+static void judge(curve_point *c, const tsuya_patch_grid *grid, const weave_cloth *cloth)
+{
+    for (int k = 0; k < POINTS; k++) {
+        double x = RIM + (k % ALONG + 0.5) * EVERY, y = RIM + (k / ALONG + 0.5) * EVERY;
+        const tsuya_patch *first = grid->patch;
+        int column = (int)lround((x - first->x_px) / grid->step_px), row = (int)lround((y - first->y_px) / grid->step_px);
+        column = column < 0 ? 0 : column < grid->columns ? column : grid->columns - 1;
+        row = row < 0 ? 0 : row < grid->rows ? row : grid->rows - 1;
+        const tsuya_threads *t = &grid->patch[(size_t)row * (size_t)grid->columns + (size_t)column].threads;
+        double e = t->a.seen && t->b.seen ? worse_deg((double[2]){t->a.angle_rad, t->b.angle_rad}, cloth) : 90.0;
+        c->error_deg[c->count++] = e;
+        c->sure += t->confidence >= 0.8;
+        c->sure_right += t->confidence >= 0.8 && e < 2.0;
+    }
+}
+
+static bool look_at_sheets(curve_point *c, const tsuya_patch_options *options)
+{
+    tsuya_context context = tsuya_context_default();
+    tsuya_image image;
+    bool good = tsuya_image_create(&image, SHEET, SHEET, 1, TSUYA_SAMPLE_F32, TSUYA_ENCODING_SRGB) == TSUYA_OK;
+    int drawn = 0;
+    for (uint64_t i = 0; good && drawn < SHEETS; i++) {
+        weave_cloth cloth;
+        weave_camera camera;
+        tsuya_patch_grid grid;
+        weave_random(&cloth, &camera, SEED + 2, i);
+        if (!is_tellable(&cloth, &camera)) {
+            continue;
+        }
+        weave_draw(tsuya_image_f32(&image, 0, 0), SHEET, &cloth, &camera);
+        double begin = all_cpu_s();
+        good = tsuya_patches_detect(&grid, &image, NULL, options, &context) == TSUYA_OK;
+        c->seconds += all_cpu_s() - begin;
+        if (good) {
+            judge(c, &grid, &cloth);
+            tsuya_patches_free(&grid);
+        }
+        drawn++;
+    }
+    tsuya_image_free(&image);
+    return good;
+}
+
+/* Whole sheets: error against time as patch and overlap are turned (refinement: the first table). */
+static int run_curve(void)
+{
+    static const int patch_px[] = {32, 48, 64, 96, 128}, part[] = {1, 2, 4};
+    printf("\n%d sheets of %d x %d px, tellable cloth, asked every %d px; time: of two cores\n%6s %8s %11s %9s %13s %7s %11s %10s\n", SHEETS, SHEET, SHEET, EVERY,
+           "patch", "overlap", "median_deg", "p90_deg", "within_1_deg", "sure", "sure_right", "ns_per_px");
+    for (int k = 0; k < 15; k++) {
+        tsuya_patch_options options = tsuya_patch_options_default();
+        curve_point c = {.error_deg = tsuya_calloc((size_t)SHEETS * POINTS, sizeof(double))};
+        char name[64];
+        int within = 0;
+        options.patch_px = patch_px[k / 3];
+        options.step_px = options.patch_px / part[k % 3];
+        if (!c.error_deg || !look_at_sheets(&c, &options)) {
+            tsuya_free(c.error_deg);
+            return 1;
+        }
+        tsuya_sort_doubles(c.error_deg, (size_t)c.count);
+        while (within < c.count && c.error_deg[within] < 1.0) {
+            within++;
+        }
+        double median = c.error_deg[c.count / 2], ns = 1e9 * c.seconds / 2.0 / ((double)SHEETS * SHEET * SHEET), off = 1.0 - (double)within / c.count;
+        printf("%6d %7d%% %11.3f %9.3f %13.3f %7.3f %11.3f %10.1f\n", options.patch_px, 100 - 100 / part[k % 3], median, c.error_deg[(int)(0.9 * (c.count - 1))],
+               1.0 - off, (double)c.sure / c.count, c.sure ? (double)c.sure_right / c.sure : NAN, ns);
+        snprintf(name, sizeof name, "tsuya, patch %d, overlap %d %%", options.patch_px, 100 - 100 / part[k % 3]);
+        bench_point("drawn sheets", name, median, "deg median", ns, "ns per px");
+        bench_point("sheets, not within 1 degree", name, off, "share", ns, "ns per px");
+        tsuya_free(c.error_deg);
+    }
+    return 0;
+}
+
+/* Whole pictures: time against size. */
 static int run_pictures(void)
 {
-    static const int setting[5][4] = {{1500, 1000, 64, 32}, {3000, 2000, 64, 32}, {6000, 4000, 64, 32}, {3000, 2000, 64, 64}, {3000, 2000, 128, 64}};
+    enum { PICTURES = 3 };
+    static const int setting[PICTURES][4] = {{1500, 1000, 64, 32}, {3000, 2000, 64, 32}, {6000, 4000, 64, 32}};
     static float tile[256 * 256];
     weave_cloth cloth = weave_cloth_default();
     weave_camera camera = weave_camera_default();
@@ -224,7 +312,7 @@ static int run_pictures(void)
     cloth.warp_deg = 112.0;
     weave_draw(tile, 256, &cloth, &camera);
     printf("\n%-14s %6s %6s %10s %12s\n", "picture", "patch", "step", "seconds", "ns_per_px");
-    for (int k = 0; k < 5; k++) {
+    for (int k = 0; k < PICTURES; k++) {
         tsuya_image image;
         tsuya_patch_grid grid;
         tsuya_patch_options options = tsuya_patch_options_default();
@@ -339,9 +427,9 @@ int main(int argc, char **argv)
         hold_against_bound(&s, &methods[DETECTOR], (uint64_t)i);
     }
     print_table(&s, methods);
-    qsort(s.sure_error, (size_t)s.sure, sizeof(double), compare_doubles);
+    tsuya_sort_doubles(s.sure_error, (size_t)s.sure);
     print_confidence(&s, s.sure_error);
-    int result = run_pictures();
+    int result = run_curve() || run_pictures();
     for (int m = 0; m < METHODS; m++) {
         tsuya_free(methods[m].error_deg);
         tsuya_detector_free(methods[m].detector);

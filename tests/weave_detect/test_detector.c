@@ -3,6 +3,7 @@
 
 #include "core/context.h"
 #include "core/memory.h"
+#include "core/order.h"
 #include "weave_detect/detector.h"
 #include "scene_other.h"
 #include "scene_weave.h"
@@ -40,12 +41,6 @@ static void run_drawn(tsuya_threads *t, const weave_cloth *cloth, const weave_ca
         memcpy(values + y * N, wide + (y + N / 2) * WIDE + N / 2, N * sizeof(float));
     }
     tsuya_detector_follow(detector, t, around, 1, values);
-}
-
-static int compare_doubles(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
 }
 
 /* One sinusoid of amplitude equal to the noise's σ, period 6 px: the bound for 64 px is 0.065°. */
@@ -156,7 +151,7 @@ static void test_drawn_cloth(void **state)
     for (int k = 0; k < 10; k++) {
         calibration += fabs(surplus[k]) / DRAWS;
     }
-    qsort(error, (size_t)count, sizeof *error, compare_doubles);
+    tsuya_sort_doubles(error, (size_t)count);
     printf("drawn cloth, %d patches: worse family %.3f degrees median, %.1f %% within 1 degree, %.1f %% sure, of these %.1f %% right; calibration "
            "error %.3f over %d\n", count, error[count / 2], 100.0 * within / count, 100.0 * sure / count, 100.0 * sure_right / sure, calibration, DRAWS);
     assert_true(error[count / 2] <= 0.15);

@@ -2,18 +2,13 @@
 #include "support.h"
 
 #include "core/memory.h"
+#include "core/order.h"
 #include "scene_surface.h"
 #include "weave_detect/mesh_field.h"
 
 #include <math.h>
 
 enum { VIEWS = 12 };
-
-static int compare_doubles(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
 
 static double dot3(const float *a, const float *b) { return (double)(a[0] * b[0] + a[1] * b[1] + a[2] * b[2]); }
 
@@ -46,7 +41,7 @@ static void hold_against(figures *f, const tsuya_mesh *mesh, const tsuya_mesh *t
             f->flips += both && dot3(mesh->weft + 3 * a, mesh->weft + 3 * b) < 0.0;
         }
     }
-    qsort(error, count, sizeof *error, compare_doubles);
+    tsuya_sort_doubles(error, count);
     f->median_deg = error[count / 2];
     f->p90_deg = error[(size_t)(0.9 * (double)(count - 1))];
     f->right_family = 1.0 - (double)wrong / (double)count;
@@ -67,7 +62,7 @@ static void check_seam(const tsuya_mesh *mesh, const tsuya_mesh *truth)
             error[count++] = fmin(miss, fabs(90.0 - miss)); /* which family is the weft is judged elsewhere */
         }
     }
-    qsort(error, count, sizeof *error, compare_doubles);
+    tsuya_sort_doubles(error, count);
     printf("beside the seam: %.2f degrees median, %.2f at 80 %% over %zu vertices\n", error[count / 2], error[8 * count / 10], count);
     assert_true(error[count / 2] <= 2.0);
     assert_true(error[8 * count / 10] <= 6.0);

@@ -2,6 +2,7 @@
 #include "support.h"
 
 #include "core/image.h"
+#include "core/order.h"
 #include "weave_detect/detector.h"
 #include "weave_detect/patches.h"
 
@@ -110,12 +111,6 @@ static void look_at_all_turns(tally *t, const tsuya_image *grey)
     }
 }
 
-static int compare_doubles(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static bool run_folder(tally *t, const char *folder, const char *prefix)
 {
     tsuya_arena *arena;
@@ -140,7 +135,7 @@ static bool run_folder(tally *t, const char *folder, const char *prefix)
         tsuya_image_free(&grey);
     }
     tsuya_arena_free(arena);
-    qsort(t->error_deg, t->count, sizeof *t->error_deg, compare_doubles);
+    tsuya_sort_doubles(t->error_deg, t->count);
     printf("%s: %d images, %d patches, %.1f %% sure (%.1f %% of those with threads of 4 px and more); turned: median %.3f, p90 %.3f degrees over %zu\n",
            prefix, t->images, t->patches, 100.0 * t->sure / t->patches, 100.0 * t->coarse_sure / (t->coarse > 0 ? t->coarse : 1),
            t->count ? t->error_deg[t->count / 2] : NAN, t->count ? t->error_deg[(size_t)(0.9 * (double)(t->count - 1))] : NAN, t->count);
