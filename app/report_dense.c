@@ -1,6 +1,7 @@
 /* Photographs beside depth and normal maps, and the surface's outline in the photographs' masks. */
 #include "app/report_parts.h"
 
+#include "core/color.h"
 #include "core/order.h"
 
 #include <math.h>
@@ -167,7 +168,7 @@ static void paint_overlay(tsuya_image *photo, const tsuya_image *mask, const tsu
             bool in_mask = mask->data && tsuya_image_get(mask, x, y, 0) > 0.5f;
             uint8_t *rgb = tsuya_image_u8(photo, x, y);
             int kind = (in_mesh ? 2 : 0) + (in_mask ? 1 : 0);
-            double grey = 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
+            double grey = tsuya_rgb_luminance((const double[3]){rgb[0], rgb[1], rgb[2]});
             double weight = kind == 0 ? 0.0 : kind == 3 ? 0.35 : 0.75;
             both += kind == 3;
             either += kind != 0;

@@ -1,6 +1,7 @@
 #include "reconstruct/color.h"
 
 #include "core/camera.h"
+#include "core/color.h"
 #include "core/file.h"
 #include "core/image.h"
 #include "core/memory.h"
@@ -195,10 +196,7 @@ done:
     return status;
 }
 
-static double luminance(const sample *s)
-{
-    return 0.2126 * (double)s->rgb[0] + 0.7152 * (double)s->rgb[1] + 0.0722 * (double)s->rgb[2];
-}
+static double luminance(const sample *s) { return tsuya_rgb_luminance_f32(s->rgb); }
 
 /* Alternates between each vertex's mean logarithm of luminance and each photograph's mean difference from it. */
 static tsuya_status find_gains(double *gain, const sample *samples, size_t vertex_count, int views)
