@@ -20,18 +20,18 @@ tsuya_drape_fabric tsuya_drape_fabric_from_kes(const tsuya_drape_kes *k)
     /* a straight line with the curve's work: LT · F · EM / 2 = K EM² / 2 */
     return (tsuya_drape_fabric){.mass_kg_m2 = 0.01 * k->w, .stretch_weft_n_m = k->lt * force_n_m / (0.01 * k->em_weft),
                                 .stretch_warp_n_m = k->lt * force_n_m / (0.01 * k->em_warp), .shear_n_m = shear,
-                                .bend_weft_nm = bend * k->b_weft, .bend_warp_nm = bend * k->b_warp, .thickness_m = 1e-3 * k->t,
-                                .friction = k->miu};
+                                .bend_weft_nm = bend * k->b_weft, .bend_warp_nm = bend * k->b_warp,
+                                .twist_nm = k->twist * (bend * k->b_weft + bend * k->b_warp), .thickness_m = 1e-3 * k->t, .friction = k->miu};
 }
 
-/* Typical of their kind on the KES-F sheets, not one measured cloth each. */
+/* Typical of their kind on the KES-F sheets, not one measured cloth each.  Twist: drape.h. */
 bool tsuya_drape_fabric_named(tsuya_drape_fabric *fabric, const char *name)
 {
     static const struct { const char *name; tsuya_drape_kes kes; } known[] = {
-        {"karaori", {.w = 35.0, .lt = 0.70, .em_weft = 3.0, .em_warp = 4.0, .g = 1.2, .b_weft = 0.60, .b_warp = 0.25, .t = 1.2, .miu = 0.20}},
-        {"silk", {.w = 7.0, .lt = 0.65, .em_weft = 4.0, .em_warp = 3.0, .g = 0.30, .b_weft = 0.03, .b_warp = 0.05, .t = 0.30, .miu = 0.16}},
-        {"cotton", {.w = 13.0, .lt = 0.75, .em_weft = 5.0, .em_warp = 3.0, .g = 1.0, .b_weft = 0.06, .b_warp = 0.09, .t = 0.50, .miu = 0.19}},
-        {"wool", {.w = 20.0, .lt = 0.62, .em_weft = 6.0, .em_warp = 5.0, .g = 0.70, .b_weft = 0.09, .b_warp = 0.11, .t = 0.70, .miu = 0.20}},
+        {"karaori", {.w = 35.0, .lt = 0.70, .em_weft = 3.0, .em_warp = 4.0, .g = 1.2, .b_weft = 0.60, .b_warp = 0.25, .t = 1.2, .miu = 0.20, .twist = 1.0}},
+        {"silk", {.w = 7.0, .lt = 0.65, .em_weft = 4.0, .em_warp = 3.0, .g = 0.30, .b_weft = 0.03, .b_warp = 0.05, .t = 0.30, .miu = 0.16, .twist = 1.0}},
+        {"cotton", {.w = 13.0, .lt = 0.75, .em_weft = 5.0, .em_warp = 3.0, .g = 1.0, .b_weft = 0.06, .b_warp = 0.09, .t = 0.50, .miu = 0.19, .twist = 1.0}},
+        {"wool", {.w = 20.0, .lt = 0.62, .em_weft = 6.0, .em_warp = 5.0, .g = 0.70, .b_weft = 0.09, .b_warp = 0.11, .t = 0.70, .miu = 0.20, .twist = 1.0}},
     };
     for (size_t k = 0; k < sizeof known / sizeof known[0]; k++) {
         if (strcmp(known[k].name, name) == 0) {
@@ -281,9 +281,9 @@ static tsuya_status fall(drape_state *s, tsuya_drape_info *info, tsuya_drape_she
 static tsuya_status check(const tsuya_drape_sheet *sheet, const tsuya_drape_fabric *f, const tsuya_drape_options *o)
 {
     const double positive[] = {f->mass_kg_m2, f->stretch_weft_n_m, f->stretch_warp_n_m, f->shear_n_m, f->bend_weft_nm, f->bend_warp_nm,
-                               f->thickness_m, o->step_s};
+                               f->twist_nm, f->thickness_m, o->step_s};
     static const char *const name[] = {"mass", "weft stiffness", "warp stiffness", "shear stiffness", "weft rigidity", "warp rigidity",
-                                       "thickness", "step"};
+                                       "twist rigidity", "thickness", "step"};
     for (size_t k = 0; k < sizeof positive / sizeof positive[0]; k++) {
         if (!(positive[k] > 0.0) || !isfinite(positive[k])) {
             return tsuya_fail(TSUYA_ERROR_INPUT, "drape: %s %g; a number above 0 is accepted", name[k], positive[k]);

@@ -140,7 +140,7 @@ static void rigidities(const drape_state *s, double b[3])
 {
     b[0] = s->fabric->bend_weft_nm;
     b[1] = s->fabric->bend_warp_nm;
-    b[2] = b[0] + b[1];
+    b[2] = s->fabric->twist_nm;
 }
 
 double tsuya_drape_stretch_energy(const drape_state *s, const double *x)

@@ -1,7 +1,8 @@
 /* A costume on its rack: how long until it rests, and how well it does. */
 #include "support.h"
 
-#include "capture/drape.h"
+#include "bench.h"
+#include "capture/swatch.h"
 
 #include <math.h>
 #include <sys/resource.h>
@@ -67,8 +68,31 @@ static void a_costume_comes_to_rest(void **state)
     tsuya_drape_sheet_free(&sheet[1]);
 }
 
+/* Cusick's swatch in finer cells: how far its drape coefficient is from the finest one's, and what that costs. */
+static void finer_cells_drape_alike(void **state)
+{
+    (void)state;
+    static const double spacing_m[] = {0.01, 0.0075, 0.006};
+    enum { MESHES = 3 };
+    for (int k = 0; k < 2; k++) {
+        double coefficient[MESHES], used[MESHES], spread;
+        for (int m = 0; m < MESHES; m++) {
+            swatch w = {k ? 0.03 : 0.02, spacing_m[m], TWIST, 1};
+            used[m] = cpu_s();
+            coefficient[m] = settled(&w, k ? 1 : 4, &spread).coefficient;
+            used[m] = cpu_s() - used[m];
+        }
+        for (int m = 0; m < MESHES - 1; m++) {
+            char method[64];
+            snprintf(method, sizeof method, "%d cm in cells of %.1f mm", 2 + k, 1e3 * spacing_m[m]);
+            bench_point("drape coefficient", method, fabs(coefficient[m] - coefficient[MESHES - 1]), "points", used[m], "s of cpu");
+        }
+        assert_true(fabs(coefficient[1] - coefficient[MESHES - 1]) < 2.0);
+    }
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(a_costume_comes_to_rest)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(finer_cells_drape_alike), cmocka_unit_test(a_costume_comes_to_rest)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
