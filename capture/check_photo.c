@@ -51,25 +51,29 @@ static tsuya_status load_mask(tsuya_image *mask, const tsuya_checked_photo *p)
     return status;
 }
 
-static void count_levels(tsuya_checked_photo *p, const tsuya_image *rgb, const tsuya_image *mask)
+static void count_levels(tsuya_checked_photo *p, const tsuya_image *rgb, const tsuya_image *mask, int threads)
 {
-    double count[3][256] = {{0}}, pixels = 0.0;
+    uint64_t count[3][256] = {{0}};
+    int green = rgb->channels >= 3 ? 1 : 0, blue = rgb->channels >= 3 ? 2 : 0;
+#pragma omp parallel for schedule(static) num_threads(threads) reduction(+ : count)
     for (int y = 0; y < rgb->height_px; y++) {
-        for (int x = 0; x < rgb->width_px; x++) {
-            if (mask->data && *tsuya_image_u8(mask, x, y) <= 127) {
-                continue;
+        const uint8_t *v = tsuya_image_u8(rgb, 0, y), *kept = mask->data ? tsuya_image_u8(mask, 0, y) : NULL;
+        for (int x = 0; x < rgb->width_px; x++, v += rgb->channels) {
+            if (!kept || kept[x] > 127) {
+                count[0][v[0]]++;
+                count[1][v[green]]++;
+                count[2][v[blue]]++;
             }
-            const uint8_t *v = tsuya_image_u8(rgb, x, y);
-            for (int c = 0; c < 3; c++) {
-                count[c][v[rgb->channels >= 3 ? c : 0]] += 1.0;
-            }
-            pixels += 1.0;
         }
+    }
+    uint64_t pixels = 0;
+    for (int k = 0; k < 256; k++) {
+        pixels += count[0][k];
     }
     for (int c = 0; c < 3; c++) {
         p->level[c] = p->bright_clipped[c] = p->dark_clipped[c] = 0.0;
-        for (int k = 0; k < 256 && pixels > 0.0; k++) {
-            double share = count[c][k] / pixels;
+        for (int k = 0; k < 256 && pixels > 0; k++) {
+            double share = (double)count[c][k] / (double)pixels;
             p->level[c] += share * (double)tsuya_srgb_decode((float)k / 255.0f);
             p->bright_clipped[c] += k >= CLIPPED_HIGH ? share : 0.0;
             p->dark_clipped[c] += k <= CLIPPED_LOW ? share : 0.0;
@@ -155,16 +159,20 @@ done:
 static tsuya_status measure(tsuya_checked_photo *p, tsuya_check_sight *sight, const tsuya_image *loaded, const tsuya_check_options *options,
                             const tsuya_context *context)
 {
-    tsuya_image rgb = {0}, grey = {0}, mask = {0};
+    tsuya_image converted = {0}, grey = {0}, mask = {0};
+    const tsuya_image *rgb = loaded;
     tsuya_status status;
-    TSUYA_GOTO_DONE(status, tsuya_image_convert(&rgb, loaded, TSUYA_SAMPLE_U8, TSUYA_ENCODING_SRGB));
+    if (loaded->sample != TSUYA_SAMPLE_U8 || loaded->encoding != TSUYA_ENCODING_SRGB) {
+        TSUYA_GOTO_DONE(status, tsuya_image_convert(&converted, loaded, TSUYA_SAMPLE_U8, TSUYA_ENCODING_SRGB));
+        rgb = &converted;
+    }
     TSUYA_GOTO_DONE(status, load_mask(&mask, p));
-    count_levels(p, &rgb, &mask);
-    TSUYA_GOTO_DONE(status, tsuya_image_grey(&grey, &rgb, TSUYA_SAMPLE_U8));
+    count_levels(p, rgb, &mask, context->threads);
+    TSUYA_GOTO_DONE(status, tsuya_image_grey(&grey, rgb, TSUYA_SAMPLE_U8));
     TSUYA_GOTO_DONE(status, tsuya_blur_measure(&p->blur, &grey, mask.data ? &mask : NULL, context));
-    TSUYA_GOTO_DONE(status, find_features(p, sight, &rgb, &mask, options, context));
+    TSUYA_GOTO_DONE(status, find_features(p, sight, rgb, &mask, options, context));
 done:
-    tsuya_image_free(&rgb);
+    tsuya_image_free(&converted);
     tsuya_image_free(&grey);
     tsuya_image_free(&mask);
     return status;
