@@ -254,3 +254,31 @@ void tsuya_dye_add_batch(const tsuya_albedo_table *table, const double *dye, con
         }
     }
 }
+
+TSUYA_CLONES("arch=x86-64-v3", "default") static void
+rest_all(float *const to[ABREAST], const tsuya_albedo_table *table, int channel, const places *w, int count)
+{
+    for (int k = 0; k < count; ++k) {
+        four rest = rest_at(table->value + channel, table->side, table->channels, w, k);
+        for (int c = 0; c < ABREAST; ++c) {
+            to[c][k] = rest[c];
+        }
+    }
+}
+
+void tsuya_dye_rest_batch(const tsuya_albedo_table *table, int count, const float *const w[3], float *rest)
+{
+    places at;
+    float none[BLOCK];
+    for (int from = 0; from < count; from += BLOCK) {
+        int here = count - from < BLOCK ? count - from : BLOCK;
+        locate(&at, table->side, w[0] + from, w[1] + from, w[2] + from, here);
+        for (int c = 0; c < table->channels; c += ABREAST) {
+            float *to[ABREAST];
+            for (int k = 0; k < ABREAST; ++k) {
+                to[k] = c + k < table->channels ? rest + (size_t)(c + k) * (size_t)count + from : none;
+            }
+            rest_all(to, table, c, &at, here);
+        }
+    }
+}

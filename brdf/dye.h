@@ -37,6 +37,8 @@ static inline double tsuya_dye_rest(double albedo) { return fmax(0.0, 1.0 - 1.00
 
 /* A(w), `channels` values. */
 void tsuya_albedo_table_eval(const tsuya_albedo_table *table, tsuya_vec3 w, double *value);
+/* r(w) as planes rest[c * count + k]; 1 where w is not above the surface. */
+void tsuya_dye_rest_batch(const tsuya_albedo_table *table, int count, const float *const w[3], float *rest);
 /* Adds dye · base to value[c * count + k]. */
 void tsuya_dye_add_batch(const tsuya_albedo_table *table, const double *dye, const tsuya_direction_batch *batch, float *value);
 

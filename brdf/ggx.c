@@ -11,6 +11,7 @@
  * which stay finite at grazing angles. */
 #include "brdf/kernel.h"
 #include "brdf/model.h"
+#include "brdf/sampling.h"
 
 #include "core/clones.h"
 #include "core/memory.h"
@@ -94,6 +95,54 @@ static void eval_batch(const void *state, int channels, const tsuya_direction_ba
         int count = batch->count - from < BLOCK ? batch->count - from : BLOCK;
         eval_block(state, channels, batch, from, count, value);
     }
+}
+
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
+pdf_all(const ggx *g, const tsuya_direction_batch *batch, float *restrict pdf)
+{
+    const float ax = (float)g->alpha_x, ay = (float)g->alpha_y, rx = 1.0f / ax, ry = 1.0f / ay;
+    const float scale = (float)(1.0 / (2.0 * M_PI * g->alpha_x * g->alpha_y));
+    const float *restrict ix = batch->wi_x, *restrict iy = batch->wi_y, *restrict iz = batch->wi_z;
+    const float *restrict ox = batch->wo_x, *restrict oy = batch->wo_y, *restrict oz = batch->wo_z;
+#pragma omp simd
+    for (int k = 0; k < batch->count; ++k) {
+        float hx = ix[k] + ox[k], hy = iy[k] + oy[k], hz = iz[k] + oz[k], h2 = hx * hx + hy * hy + hz * hz;
+        float x = hx * rx, y = hy * ry, q = x * x + y * y + hz * hz, r = h2 / (q > 1e-30f ? q : 1e-30f);
+        pdf[k] = scale * r * r / (oz[k] + sqrtf(oz[k] * oz[k] + ax * ax * ox[k] * ox[k] + ay * ay * oy[k] * oy[k]));
+    }
+}
+
+static void pdf_batch(const void *state, const tsuya_direction_batch *batch, float *pdf) { pdf_all(state, batch, pdf); }
+
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
+sample_all(const ggx *g, int count, const float *const wo[3], const float *const u[2], float *const wi[3])
+{
+    const float ax = (float)g->alpha_x, ay = (float)g->alpha_y;
+    const float *restrict ox = wo[0], *restrict oy = wo[1], *restrict oz = wo[2], *restrict ua = u[0], *restrict ub = u[1];
+    float *restrict ix = wi[0], *restrict iy = wi[1], *restrict iz = wi[2];
+#pragma omp simd
+    for (int k = 0; k < count; ++k) {
+        float vx = ax * ox[k], vy = ay * oy[k], vz = oz[k], flat = vx * vx + vy * vy, size = 1.0f / sqrtf(flat + vz * vz);
+        float turn = flat > 0.0f ? 1.0f / sqrtf(flat) : 0.0f, tx = flat > 0.0f ? -vy * turn : 1.0f, ty = vx * turn, p, q;
+        vx *= size;
+        vy *= size;
+        vz *= size;
+        tsuya_sample_disk_f32(ua[k], ub[k], &p, &q);
+        float s = 0.5f * (1.0f + vz), across = 1.0f - p * p;
+        q = (1.0f - s) * sqrtf(across > 0.0f ? across : 0.0f) + s * q;
+        float rest = across - q * q, r = sqrtf(rest > 0.0f ? rest : 0.0f);
+        float hx = ax * (tx * p - vz * ty * q + vx * r), hy = ay * (ty * p + vz * tx * q + vy * r), hz = (vx * ty - vy * tx) * q + vz * r;
+        hz = hz > 0.0f ? hz : 0.0f;
+        float twice = 2.0f * (ox[k] * hx + oy[k] * hy + oz[k] * hz) / (hx * hx + hy * hy + hz * hz);
+        ix[k] = twice * hx - ox[k];
+        iy[k] = twice * hy - oy[k];
+        iz[k] = twice * hz - oz[k];
+    }
+}
+
+static void sample_batch(const void *state, int count, const float *const wo[3], const float *const u[2], float *const wi[3])
+{
+    sample_all(state, count, wo, u, wi);
 }
 
 static double pdf(const void *state, tsuya_vec3 wi, tsuya_vec3 wo)
@@ -192,7 +241,7 @@ static size_t bytes(const void *state)
     return sizeof *g + (size_t)g->channels * sizeof g->strength[0];
 }
 
-#define GGX_COMMON .eval = eval, .eval_batch = eval_batch, .pdf = pdf, .sample = sample, .free_state = tsuya_free, .bytes = bytes, .mirrored = true, .clears = true
+#define GGX_COMMON .eval = eval, .eval_batch = eval_batch, .pdf_batch = pdf_batch, .sample_batch = sample_batch, .pdf = pdf, .sample = sample, .free_state = tsuya_free, .bytes = bytes, .mirrored = true, .clears = true
 
 const tsuya_brdf_model tsuya_brdf_ggx = {.name = "ggx", .from_json = from_json_iso, .to_json = to_json_iso, GGX_COMMON};
 const tsuya_brdf_model tsuya_brdf_ggx_aniso = {

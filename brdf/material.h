@@ -108,4 +108,20 @@ typedef struct tsuya_direction_batch {
 TSUYA_API void tsuya_material_eval_batch(const tsuya_material *material, const double *dye, const tsuya_direction_batch *batch,
                                          float *value);
 
+/* Many viewers at once in float: what tsuya_material_view is for one.  Planes of `count` numbers each, one a channel for dye and rest.
+ * Values, densities and the dye's share are within 1e-4 of the double ones as above. */
+enum { TSUYA_MATERIAL_LOOKS = 64 };
+typedef struct tsuya_material_looks {
+    const tsuya_material *material;
+    int count;          /* at most TSUYA_MATERIAL_LOOKS */
+    const float *dye;   /* of each viewer; NULL: the material's own for all */
+    const float *wo[3]; /* unit; under the surface: everything is 0 */
+    float *share, *rest; /* the caller's room, filled by tsuya_material_look */
+} tsuya_material_looks;
+TSUYA_API void tsuya_material_look(const tsuya_material_looks *looks);
+/* value[c * count + k], and the density with which tsuya_material_looks_sample draws wi. */
+TSUYA_API void tsuya_material_looks_eval_pdf(const tsuya_material_looks *looks, const float *const wi[3], float *value, float *pdf);
+/* wi from three planes of numbers in [0, 1); wi_z = 0 where the draw ended under the surface. */
+TSUYA_API void tsuya_material_looks_sample(const tsuya_material_looks *looks, const float *const u[3], float *const wi[3]);
+
 #endif

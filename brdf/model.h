@@ -17,6 +17,10 @@ typedef struct tsuya_brdf_model {
     double (*pdf)(const void *state, tsuya_vec3 wi, tsuya_vec3 wo);
     /* false when the draw ended under the surface */
     bool (*sample)(const void *state, tsuya_vec3 wo, const double u[2], tsuya_vec3 *wi);
+    /* The two for many pairs at once, in float, planes of batch->count numbers; both NULL: one by one.  Draws for given numbers may be others
+     * than those of `sample` as long as they have the same density; wi_z = 0 where the draw ended under the surface. */
+    void (*pdf_batch)(const void *state, const tsuya_direction_batch *batch, float *pdf);
+    void (*sample_batch)(const void *state, int count, const float *const wo[3], const float *const u[2], float *const wi[3]);
     /* The same draws for many viewers at once, for quadratures; both NULL: by `sample` and `pdf`.  shared_draws: what all viewers
      * have in common of `total` draws, three planes.  take_draws: `count` of them from number `from` on (`shared` + from are
      * their planes, `total` apart), as wi and weight = cosθi / (pdf total), 0 where the draw ended under the surface. */

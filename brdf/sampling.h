@@ -24,4 +24,23 @@ static inline tsuya_vec3 tsuya_sample_cosine(double u, double v)
     return (tsuya_vec3){d.x, d.y, sqrt(fmax(0.0, 1.0 - d.x * d.x - d.y * d.y))};
 }
 
+/* The same in float, for loops that vectorise. */
+static inline void tsuya_sample_disk_f32(float u, float v, float *x, float *y)
+{
+    float a = 2.0f * u - 1.0f, b = 2.0f * v - 1.0f;
+    bool wide = fabsf(a) > fabsf(b);
+    float r = wide ? a : b, t = 0.785398163f * (wide ? b : a) / (r != 0.0f ? r : 1.0f), q = t * t; /* |t| ≤ π/4 */
+    float s = r * t * (1.0f - q * (1.6666667e-1f - q * (8.3333333e-3f - q * (1.9841270e-4f - q * 2.7557319e-6f))));
+    float c = r * (1.0f - q * (0.5f - q * (4.1666667e-2f - q * (1.3888889e-3f - q * 2.4801587e-5f))));
+    *x = wide ? c : s;
+    *y = wide ? s : c;
+}
+
+static inline void tsuya_sample_cosine_f32(float u, float v, float *x, float *y, float *z)
+{
+    tsuya_sample_disk_f32(u, v, x, y);
+    float rest = 1.0f - *x * *x - *y * *y;
+    *z = sqrtf(rest > 0.0f ? rest : 0.0f);
+}
+
 #endif

@@ -207,7 +207,7 @@ static bool sample_area(const tsuya_light *l, tsuya_vec3 p, const double u[2], t
     return isfinite(s->pdf);
 }
 
-static void environment_radiance(const tsuya_light *l, tsuya_vec3 direction, double rgb[3])
+void tsuya_light_radiance(const tsuya_light *l, tsuya_vec3 direction, double rgb[3])
 {
     scaled_rgb(rgb, l->rgb, 1.0);
     if (l->map) {
@@ -238,7 +238,7 @@ static bool sample_environment(const tsuya_light *l, tsuya_vec3 n, const double 
         s->wi = tsuya_vec3_add(tsuya_vec3_mad(tsuya_vec3_scale(x, d.x), d.y, y), tsuya_vec3_scale(n, d.z));
         s->pdf = constant_pdf(n, s->wi);
     }
-    environment_radiance(l, s->wi, s->rgb);
+    tsuya_light_radiance(l, s->wi, s->rgb);
     return s->pdf > 0.0;
 }
 
@@ -291,7 +291,7 @@ bool tsuya_light_hit(const tsuya_light *light, tsuya_vec3 origin, tsuya_vec3 n, 
     if (light->kind == TSUYA_LIGHT_ENVIRONMENT) {
         *distance_m = INFINITY;
         *pdf = light->map ? tsuya_environment_pdf(light->map, direction) : constant_pdf(n, direction);
-        environment_radiance(light, direction, rgb);
+        tsuya_light_radiance(light, direction, rgb);
         return true;
     }
     return (light->kind == TSUYA_LIGHT_DISK || light->kind == TSUYA_LIGHT_RECT) &&

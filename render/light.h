@@ -82,6 +82,8 @@ bool tsuya_light_sample_at(const tsuya_light *light, tsuya_vec3 p, tsuya_vec3 n,
  * origin; false where the ray misses it (always for the others). */
 bool tsuya_light_hit(const tsuya_light *light, tsuya_vec3 origin, tsuya_vec3 n, tsuya_vec3 direction, double *distance_m,
                      double rgb[3], double *pdf);
+/* That radiance alone. */
+void tsuya_light_radiance(const tsuya_light *light, tsuya_vec3 direction, double rgb[3]);
 /* A guess of the light's irradiance at p with normal n, for the choice between lamps; > 0 wherever light can arrive. */
 double tsuya_light_weight(const tsuya_light *light, tsuya_vec3 p, tsuya_vec3 n);
 

@@ -95,47 +95,80 @@ static void straighten(picture *p)
     p->base = tsuya_mat3_apply_transposed(r, (tsuya_vec3){-c->cx_px / c->fx_px, -c->cy_px / c->fy_px, 1.0});
 }
 
-/* Directions of the next samples of a pixel; returns how many the lens inverts (these come first). */
-static int camera_rays(const picture *p, int x, int y, tsuya_sampler first, int wanted, tsuya_camera_path path[TSUYA_RAY_PACKET])
+/* Samples of one pixel that go as a bundle; behind those that have a lane, `blank` ones that the lens cannot invert. */
+typedef struct bundle { size_t pixel; int count, blank; } bundle;
+
+/* What one thread has on its way. */
+typedef struct traffic {
+    tsuya_wave *wave;
+    bundle bundle[TSUYA_WAVE]; /* of the wave, in order */
+    int bundles;
+    uint64_t rays;
+} traffic;
+
+/* Puts the next samples of a pixel on the wave. */
+static void start_bundle(const picture *p, traffic *t, size_t pixel, tsuya_sampler first, int wanted)
 {
-    uint32_t key[TSUYA_SAMPLER_LANES], sample[TSUYA_SAMPLER_LANES];
-    double u[2][TSUYA_SAMPLER_LANES];
-    int count = 0;
-    for (uint32_t k = 0; k < TSUYA_SAMPLER_LANES; ++k) {
+    const int width = p->camera->width_px, x = (int)(pixel % (size_t)width), y = (int)(pixel / (size_t)width);
+    uint32_t key[TSUYA_WAVE_VECTOR], sample[TSUYA_WAVE_VECTOR];
+    float u[2][TSUYA_WAVE_VECTOR];
+    tsuya_wave *w = t->wave;
+    bundle *b = &t->bundle[t->bundles];
+    for (uint32_t k = 0; k < TSUYA_WAVE_VECTOR; ++k) {
         key[k] = first.key;
         sample[k] = first.sample + k;
     }
-    tsuya_sampler_pairs(key, sample, TSUYA_PAIR_PIXEL, u);
+    tsuya_sampler_pairs(key, sample, TSUYA_WAVE_VECTOR, TSUYA_PAIR_PIXEL, u[0], u[1]);
+    *b = (bundle){.pixel = pixel};
     for (int k = 0; k < wanted; ++k) {
-        path[count].sampler = (tsuya_sampler){first.key, sample[k]};
-        path[count].origin = p->eye;
-        count += camera_ray(p, x - 0.5 + u[0][k], y - 0.5 + u[1][k], &path[count].direction);
+        tsuya_vec3 direction;
+        if (!camera_ray(p, x - 0.5 + (double)u[0][k], y - 0.5 + (double)u[1][k], &direction)) {
+            b->blank++;
+            continue;
+        }
+        const int lane = w->count++;
+        w->key[lane] = key[k];
+        w->sample[lane] = sample[k];
+        w->bundle[lane] = (uint8_t)t->bundles;
+        tsuya_planes3_set(&w->origin, lane, p->eye);
+        tsuya_planes3_set(&w->direction, lane, direction);
+        b->count++;
     }
-    return count;
+    t->bundles++;
 }
 
-static uint64_t render_pixel(const picture *p, int x, int y)
+/* Traces the wave, and gives the pixels what their samples found. */
+static void land(const picture *p, traffic *t)
 {
-    size_t k = (size_t)y * (size_t)p->camera->width_px + (size_t)x;
-    pixel_sum *sum = &p->sum[k];
-    uint64_t rays = 0;
-    tsuya_camera_path path[TSUYA_RAY_PACKET];
-    tsuya_sampler next = tsuya_sampler_start(p->seed, k, 0);
-    while (sum->samples < p->target[k]) {
-        const double black[3] = {0, 0, 0};
-        int wanted = (int)(p->target[k] - sum->samples);
-        wanted = wanted < TSUYA_RAY_PACKET ? wanted : TSUYA_RAY_PACKET;
-        next.sample = sum->samples;
-        int count = camera_rays(p, x, y, next, wanted, path);
-        rays += tsuya_trace(&p->tracer, path, count);
-        for (int i = 0; i < count; ++i) {
-            add_sample(sum, path[i].rgb, path[i].met);
+    const double black[3] = {0, 0, 0};
+    const tsuya_wave *w = t->wave;
+    int lane = 0;
+    t->rays += tsuya_trace(&p->tracer, t->wave);
+    for (int k = 0; k < t->bundles; ++k) {
+        pixel_sum *sum = &p->sum[t->bundle[k].pixel];
+        for (int i = 0; i < t->bundle[k].count; ++i, ++lane) {
+            add_sample(sum, (const double[3]){w->rgb[0][lane], w->rgb[1][lane], w->rgb[2][lane]}, w->met[lane]);
         }
-        for (int i = count; i < wanted; ++i) {
+        for (int i = 0; i < t->bundle[k].blank; ++i) {
             add_sample(sum, black, false);
         }
     }
-    return rays;
+    t->wave->count = t->bundles = 0;
+}
+
+/* Brings a pixel to its target, once the wave has landed. */
+static void start_pixel(const picture *p, traffic *t, size_t pixel)
+{
+    tsuya_sampler next = tsuya_sampler_start(p->seed, pixel, p->sum[pixel].samples);
+    while (next.sample < p->target[pixel]) {
+        uint32_t wanted = p->target[pixel] - next.sample;
+        wanted = wanted < TSUYA_RAY_PACKET ? wanted : TSUYA_RAY_PACKET;
+        if (t->wave->count + TSUYA_RAY_PACKET > TSUYA_WAVE || t->bundles == TSUYA_WAVE) {
+            land(p, t);
+        }
+        start_bundle(p, t, pixel, next, (int)wanted);
+        next.sample += wanted;
+    }
 }
 
 /* Variance of a mean of n samples, a/n + b/n^1.5: what chance decides, and edges of all kinds, whose stratified samples err
@@ -217,48 +250,80 @@ static void tell_progress(picture *p, tile t, double done, const tsuya_context *
     tsuya_progress_update(context, "render", done, 1.0, text);
 }
 
+static tsuya_status create_traffic(traffic **all, const picture *p, int threads)
+{
+    tsuya_status status = TSUYA_OK;
+    TSUYA_NEW(status, *all, (size_t)threads);
+    for (int k = 0; k < threads; ++k) {
+        TSUYA_GOTO_DONE(status, tsuya_wave_create(&(*all)[k].wave, &p->tracer));
+    }
+done:
+    return status;
+}
+
+static void free_traffic(traffic *all, int threads)
+{
+    for (int k = 0; all && k < threads; ++k) {
+        tsuya_wave_free(all[k].wave);
+    }
+    tsuya_free(all);
+}
+
+static void render_tile(const picture *p, traffic *t, tile at)
+{
+    for (int y = at.y0; y < at.y1; ++y) {
+        for (int x = at.x0; x < at.x1; ++x) {
+            start_pixel(p, t, (size_t)y * (size_t)p->camera->width_px + (size_t)x);
+        }
+    }
+    land(p, t);
+}
+
 /* Brings every pixel to its target. */
 static tsuya_status render_tiles(picture *p, const tsuya_context *context, double done_before, double done_after, uint64_t *rays)
 {
     int tiles = tile_count(p), finished = 0;
-    uint64_t total = 0;
+    tsuya_status status = TSUYA_OK;
+    traffic *all = NULL;
     p->noise_sum = 0.0;
     p->noise_pixels = 0;
-#pragma omp parallel for schedule(dynamic, 1) num_threads(context->threads) reduction(+ : total)
+    TSUYA_GOTO_DONE(status, create_traffic(&all, p, context->threads));
+#pragma omp parallel for schedule(dynamic, 1) num_threads(context->threads)
     for (int index = 0; index < tiles; ++index) {
         if (tsuya_interrupted()) {
             continue;
         }
         tile t = tile_at(p, index);
         int now;
-        for (int y = t.y0; y < t.y1; ++y) {
-            for (int x = t.x0; x < t.x1; ++x) {
-                total += render_pixel(p, x, y);
-            }
-        }
+        render_tile(p, &all[omp_get_thread_num()], t);
 #pragma omp atomic capture
         now = ++finished;
         if (context->progress) {
             tell_progress(p, t, done_before + (done_after - done_before) * now / tiles, context);
         }
     }
-    *rays += total;
-    return tsuya_check_interrupt();
+    for (int k = 0; k < context->threads; ++k) {
+        *rays += all[k].rays;
+    }
+    status = tsuya_check_interrupt();
+done:
+    free_traffic(all, context->threads);
+    return status;
 }
 
 /* Whether a ray of its own through the pixel meets the cloth. */
 static bool finds_cloth(const picture *p, int x, int y)
 {
     size_t k = (size_t)y * (size_t)p->camera->width_px + (size_t)x;
-    tsuya_camera_path path = {.origin = p->eye};
+    tsuya_vec3 direction;
     tsuya_ray_hit hit;
     double u[2];
     tsuya_sampler_pair(tsuya_sampler_start(p->seed ^ FINDER, k, 0), TSUYA_PAIR_PIXEL, u);
-    if (!camera_ray(p, x - 0.5 + u[0], y - 0.5 + u[1], &path.direction)) {
+    if (!camera_ray(p, x - 0.5 + u[0], y - 0.5 + u[1], &direction)) {
         return false;
     }
     tsuya_ray ray = {{(float)p->eye.x, (float)p->eye.y, (float)p->eye.z},
-                     {(float)path.direction.x, (float)path.direction.y, (float)path.direction.z}, 0.0f, INFINITY};
+                     {(float)direction.x, (float)direction.y, (float)direction.z}, 0.0f, INFINITY};
     return tsuya_scene_intersect(p->tracer.scene, &ray, &hit);
 }
 

@@ -19,8 +19,8 @@ typedef struct tsuya_path_options {
     const tsuya_shader *card; /* stands in for every material, without dye; NULL: the scene's own */
     tsuya_strategy strategy; /* for tests; point, spot and directional lamps need MIS or LAMPS */
     bool single_rays;     /* for benches: no eight at a time */
-    /* For benches: told every ray (single thread). NULL: nobody. */
-    void (*ray_sink)(void *user, const tsuya_ray *ray, bool shadow);
+    /* For benches: told every ray (single thread), those of a packet together. NULL: nobody. */
+    void (*ray_sink)(void *user, const tsuya_ray *ray, int count, bool shadow);
     void *ray_user;
 } tsuya_path_options;
 TSUYA_API tsuya_path_options tsuya_path_options_default(void); /* 64 spp, noise 0, 4 bounces, lamps visible, MIS */

@@ -55,19 +55,22 @@ static bool look_along(place *p, const drawing *d, tsuya_vec3 eye, tsuya_vec3 di
 {
     const tsuya_ray ray = {{(float)eye.x, (float)eye.y, (float)eye.z}, {(float)direction.x, (float)direction.y, (float)direction.z}, 0.0f, INFINITY};
     tsuya_ray_hit hit;
-    tsuya_surface s;
-    if (!tsuya_scene_intersect(d->scene, &ray, &hit)) {
+    tsuya_planes3 wo;
+    tsuya_corners corners;
+    tsuya_surfaces s;
+    if (!tsuya_scene_intersect(d->scene, &ray, &hit) || tsuya_scene_shader_at(d->scene, &hit) != d->shader) {
         return false;
     }
     tsuya_vec3 back = tsuya_vec3_scale(direction, -1.0);
-    tsuya_scene_surface(d->scene, &hit, back, &s);
-    if (s.shader != d->shader) {
-        return false;
+    for (int k = 0; k < tsuya_wave_padded(1); ++k) {
+        tsuya_planes3_set(&wo, k, back);
     }
-    double angle = s.has_weft ? 0.0 : 2.0 * M_PI * turn, c = cos(angle), k = sin(angle);
-    *p = (place){.x = tsuya_vec3_mad(tsuya_vec3_scale(s.x, c), k, s.y), .y = tsuya_vec3_mad(tsuya_vec3_scale(s.y, c), -k, s.x), .n = s.n, .has_dye = s.dye != NULL};
-    for (int i = 0; s.dye && i < 3; ++i) {
-        p->dye[i] = s.dye[i];
+    tsuya_scene_surfaces(d->scene, &hit, (const int[1]){0}, 1, &wo, d->shader, &corners, &s);
+    tsuya_vec3 x = tsuya_planes3_at(&s.x, 0), y = tsuya_planes3_at(&s.y, 0);
+    double angle = s.has_weft[0] > 0.0f ? 0.0 : 2.0 * M_PI * turn, c = cos(angle), k = sin(angle);
+    *p = (place){.x = tsuya_vec3_mad(tsuya_vec3_scale(x, c), k, y), .y = tsuya_vec3_mad(tsuya_vec3_scale(y, c), -k, x), .n = tsuya_planes3_at(&s.n, 0), .has_dye = s.dyed};
+    for (int i = 0; s.dyed && i < 3; ++i) {
+        p->dye[i] = s.dye[i * s.count];
     }
     p->wo = to_local(p, back);
     return true;

@@ -61,21 +61,27 @@ static inline uint32_t tsuya_sobol_second_reversed(uint32_t index)
     return index ^ (index & 0xffff0000u) >> 16;
 }
 
-/* Two numbers in [0, 1) for a pair of dimensions. */
-static inline void tsuya_sampler_pair(tsuya_sampler s, uint32_t pair, double u[2])
+/* Two numbers for a pair of dimensions, as multiples of 2⁻³². */
+static inline void tsuya_sampler_bits(tsuya_sampler s, uint32_t pair, uint32_t *u, uint32_t *v)
 {
     uint32_t key = tsuya_mix32(s.key ^ (pair * 0x9e3779b9u + 0x7f4a7c15u));
     uint32_t index = tsuya_reverse_bits32(tsuya_scramble_reversed(tsuya_reverse_bits32(s.sample), key));
     uint32_t a = tsuya_scramble_reversed(index, tsuya_mix32(key ^ 0xa511e9b3u));
     uint32_t b = tsuya_scramble_reversed(tsuya_sobol_second_reversed(index), tsuya_mix32(key ^ 0x63d83595u));
-    u[0] = tsuya_reverse_bits32(a) * 0x1.0p-32;
-    u[1] = tsuya_reverse_bits32(b) * 0x1.0p-32;
+    *u = tsuya_reverse_bits32(a);
+    *v = tsuya_reverse_bits32(b);
 }
 
-enum { TSUYA_SAMPLER_LANES = 8 };
+/* In [0, 1). */
+static inline void tsuya_sampler_pair(tsuya_sampler s, uint32_t pair, double u[2])
+{
+    uint32_t a, b;
+    tsuya_sampler_bits(s, pair, &a, &b);
+    u[0] = a * 0x1.0p-32;
+    u[1] = b * 0x1.0p-32;
+}
 
-/* The same for eight samplers at once. */
-void tsuya_sampler_pairs(const uint32_t key[TSUYA_SAMPLER_LANES], const uint32_t sample[TSUYA_SAMPLER_LANES], uint32_t pair,
-                         double u[2][TSUYA_SAMPLER_LANES]);
+/* The same for many samplers at once, in float: count a multiple of 16. */
+void tsuya_sampler_pairs(const uint32_t *key, const uint32_t *sample, int count, uint32_t pair, float *u, float *v);
 
 #endif

@@ -1,15 +1,7 @@
-/* Shading normals without leaks and without black facets.
- *
- * A ray leaves the point that Phong tessellation lifts onto the smooth surface of the vertex normals (Hanika, "Hacking the
- * shadow terminator", Ray Tracing Gems II, ch. 4, 2021), so that the triangles of a smooth fold do not shade each other near
- * the terminator; what is in the way is decided by tracing alone, so nothing leaks through the cloth.  Where a shading normal
- * would turn away from the viewer it is bent back to him. */
 #include "render/scene.h"
 
 #include "core/image.h"
 #include "core/memory.h"
-
-#include "render/frame.h"
 
 #include <math.h>
 #include <string.h>
@@ -232,7 +224,7 @@ void tsuya_scene_bounds(const tsuya_scene *scene, tsuya_vec3 *low, tsuya_vec3 *h
     *high = scene->high;
 }
 
-void tsuya_scene_prefetch(const tsuya_scene *scene, const tsuya_ray_hit *hit, const bool *met, int count)
+void tsuya_scene_prefetch_triangles(const tsuya_scene *scene, const tsuya_ray_hit *hit, const bool *met, int count)
 {
     for (int k = 0; k < count; ++k) {
         if (met[k]) {
@@ -240,125 +232,63 @@ void tsuya_scene_prefetch(const tsuya_scene *scene, const tsuya_ray_hit *hit, co
             __builtin_prefetch(scene->triangle + 3 * (size_t)hit[k].triangle + 2);
         }
     }
+}
+
+void tsuya_scene_prefetch_vertices(const tsuya_scene *scene, const tsuya_ray_hit *hit, const bool *met, const int *which, int count)
+{
     for (int k = 0; k < count; ++k) {
-        for (int c = 0; met[k] && c < 3; ++c) {
-            __builtin_prefetch(&scene->vertex[scene->triangle[3 * (size_t)hit[k].triangle + (size_t)c]]);
+        for (int c = 0; met[which[k]] && c < 3; ++c) {
+            __builtin_prefetch(&scene->vertex[scene->triangle[3 * (size_t)hit[which[k]].triangle + (size_t)c]]);
         }
     }
 }
 
-/* The vertex's normal on the side of ng; ng itself where it has none. */
-static tsuya_vec3 oriented_normal(const scene_vertex *v, tsuya_vec3 ng)
+static void take_corner(tsuya_corners *c, int corner, int k, const scene_vertex *v)
 {
-    tsuya_vec3 n = vec3_from(v->normal);
-    double side = tsuya_vec3_dot(n, ng);
-    if (side == 0.0) {
-        return ng;
+    const float *from[3] = {v->position, v->normal, v->weft};
+    tsuya_planes3 *to[3] = {&c->position[corner], &c->normal[corner], &c->weft[corner]};
+    for (int i = 0; i < 3; ++i) {
+        to[i]->x[k] = from[i][0];
+        to[i]->y[k] = from[i][1];
+        to[i]->z[k] = from[i][2];
     }
-    return side > 0.0 ? n : tsuya_vec3_scale(n, -1.0);
 }
 
-/* Bent towards wo until it faces it. */
-static tsuya_vec3 facing(tsuya_vec3 n, tsuya_vec3 wo)
+static void take_dye(tsuya_corners *c, int corner, int k, const scene_vertex *v)
 {
-    const double least = 1e-3;
-    double cosine = tsuya_vec3_dot(n, wo);
-    return cosine >= least ? n : tsuya_vec3_unit(tsuya_vec3_mad(n, least - cosine, wo));
+    for (int i = 0; i < 3; ++i) {
+        c->dye[corner][i][k] = v->dye[i];
+    }
 }
 
-/* Weft is an axis: its sign may differ from vertex to vertex, so the corners are aligned to the first that has one. */
-static tsuya_vec3 interpolate_weft(const scene_vertex *const v[3], const double b[3])
+void tsuya_scene_surfaces(const tsuya_scene *scene, const tsuya_ray_hit *hit, const int *which, int count, const tsuya_planes3 *wo,
+                          const tsuya_shader *shader, tsuya_corners *room, tsuya_surfaces *s)
 {
-    tsuya_vec3 sum = {0, 0, 0}, first = {0, 0, 0};
-    for (int k = 0; k < 3; ++k) {
-        tsuya_vec3 w = vec3_from(v[k]->weft);
-        if (tsuya_vec3_dot(first, first) == 0.0) {
-            first = w;
+    s->count = tsuya_wave_padded(count);
+    s->bias = (float)scene->bias;
+    s->dyed = scene->dye != TSUYA_DYE_OF_MATERIAL;
+    for (int k = 0; k < s->count; ++k) {
+        const tsuya_ray_hit *h = &hit[which[k < count ? k : 0]];
+        const uint32_t *index = scene->triangle + 3 * (size_t)h->triangle;
+        room->u[k] = h->u;
+        room->v[k] = h->v;
+        for (int corner = 0; corner < 3; ++corner) {
+            take_corner(room, corner, k, &scene->vertex[index[corner]]);
+            if (s->dyed) {
+                take_dye(room, corner, k, &scene->vertex[index[corner]]);
+            }
         }
-        sum = tsuya_vec3_mad(sum, tsuya_vec3_dot(w, first) < 0.0 ? -b[k] : b[k], w);
     }
-    return sum;
+    tsuya_surfaces_make(s, room, wo, shader->under);
 }
 
-static void set_frame(tsuya_surface *s, const scene_vertex *const v[3], const double b[3])
+const tsuya_shader *tsuya_scene_shader_at(const tsuya_scene *scene, const tsuya_ray_hit *hit)
 {
-    tsuya_vec3 weft = interpolate_weft(v, b), x = tsuya_vec3_mad(weft, -tsuya_vec3_dot(weft, s->n), s->n);
-    /* shorter than this, the direction is an accident of rounding or of corners that contradict each other */
-    s->has_weft = tsuya_vec3_norm(x) > 0.02;
-    if (s->has_weft) {
-        s->x = tsuya_vec3_unit(x);
-        s->y = tsuya_vec3_cross(s->n, s->x);
-    } else {
-        tsuya_frame_from_normal(s->n, &s->x, &s->y);
+    if (scene->shader_count == 1) {
+        return scene->shader;
     }
-}
-
-static void set_dye(const tsuya_scene *scene, tsuya_surface *s, const scene_vertex *const v[3], const double b[3])
-{
-    int nearest = b[1] > b[0] ? (b[2] > b[1] ? 2 : 1) : (b[2] > b[0] ? 2 : 0);
-    s->shader = &scene->shader[v[nearest]->material];
-    s->dye = scene->dye == TSUYA_DYE_OF_MATERIAL ? NULL : s->dye_rgb;
-    for (int c = 0; s->dye && c < 3; ++c) {
-        double dye = b[0] * v[0]->dye[c] + b[1] * v[1]->dye[c] + b[2] * v[2]->dye[c] + s->shader->under[c];
-        s->dye_rgb[c] = dye < 1.0 ? dye : 1.0;
-    }
-}
-
-void tsuya_scene_surface(const tsuya_scene *scene, const tsuya_ray_hit *hit, tsuya_vec3 wo, tsuya_surface *s)
-{
     const uint32_t *index = scene->triangle + 3 * (size_t)hit->triangle;
-    const scene_vertex *const v[3] = {&scene->vertex[index[0]], &scene->vertex[index[1]], &scene->vertex[index[2]]};
     const double b[3] = {1.0 - hit->u - hit->v, hit->u, hit->v};
-    tsuya_vec3 corner[3];
-    s->hit = *hit;
-    s->flat = false;
-    s->p = (tsuya_vec3){0, 0, 0};
-    for (int k = 0; k < 3; ++k) {
-        corner[k] = vec3_from(v[k]->position);
-        s->p = tsuya_vec3_mad(s->p, b[k], corner[k]);
-    }
-    tsuya_vec3 ng = tsuya_vec3_unit(tsuya_vec3_cross(tsuya_vec3_sub(corner[1], corner[0]), tsuya_vec3_sub(corner[2], corner[0])));
-    ng = tsuya_vec3_norm(ng) > 0.5 ? ng : wo;
-    s->ng = tsuya_vec3_dot(ng, wo) < 0.0 ? tsuya_vec3_scale(ng, -1.0) : ng;
-    tsuya_vec3 n = {0, 0, 0};
-    for (int k = 0; k < 3; ++k) {
-        n = tsuya_vec3_mad(n, b[k], oriented_normal(v[k], s->ng));
-    }
-    s->n = facing(tsuya_vec3_unit(n), wo);
-    set_frame(s, v, b);
-    set_dye(scene, s, v, b);
-}
-
-/* The point on the smooth surface that the vertex normals describe. */
-static tsuya_vec3 lifted_point(const tsuya_scene *scene, const tsuya_surface *s)
-{
-    const uint32_t *index = scene->triangle + 3 * (size_t)s->hit.triangle;
-    const double b[3] = {1.0 - s->hit.u - s->hit.v, s->hit.u, s->hit.v};
-    tsuya_vec3 lifted = s->p;
-    for (int k = 0; k < 3 && !s->flat; ++k) {
-        const scene_vertex *v = &scene->vertex[index[k]];
-        tsuya_vec3 normal = oriented_normal(v, s->ng);
-        double over = tsuya_vec3_dot(tsuya_vec3_sub(s->p, vec3_from(v->position)), normal);
-        if (over < 0.0) {
-            lifted = tsuya_vec3_mad(lifted, -b[k] * over, normal);
-        }
-    }
-    return lifted;
-}
-
-bool tsuya_surface_ray_origin(const tsuya_scene *scene, const tsuya_surface *s, tsuya_vec3 wi, tsuya_vec3 *origin)
-{
-    /* Far from the terminator the plain point serves, and cannot be lifted into a layer that lies close above. */
-    const double steep = 0.25;
-    double side = tsuya_vec3_dot(wi, s->ng);
-    if (side >= steep) {
-        *origin = tsuya_vec3_mad(s->p, scene->bias, s->ng);
-        return true;
-    }
-    tsuya_vec3 lifted = lifted_point(scene, s);
-    if (side <= 0.0 && tsuya_vec3_norm(tsuya_vec3_sub(lifted, s->p)) <= 2.0 * scene->bias) {
-        return false;
-    }
-    *origin = tsuya_vec3_mad(lifted, scene->bias, s->ng);
-    return true;
+    int nearest = b[1] > b[0] ? (b[2] > b[1] ? 2 : 1) : (b[2] > b[0] ? 2 : 0);
+    return &scene->shader[scene->vertex[index[nearest]].material];
 }

@@ -8,6 +8,7 @@
 
 #include "render/bands.h"
 #include "render/embree_adapter.h"
+#include "render/surface.h"
 
 /* How a cloth reflects, in its own frame (x weft, y warp, z normal); wi and wo unit, wo above the surface.  dye: three
  * numbers, or NULL for the material's own.  Anything can stand behind it, not only fitted materials. */
@@ -60,19 +61,6 @@ TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_scene_create(tsuya_scene **scene, 
                                                            const tsuya_scene_options *options);
 TSUYA_API void tsuya_scene_free(tsuya_scene *scene);
 
-/* A point on the cloth, seen from wo. */
-typedef struct tsuya_surface {
-    tsuya_vec3 p;       /* on the triangle */
-    tsuya_ray_hit hit;
-    bool flat;          /* seen through the cloth: not to be lifted to the smooth surface that the vertex normals describe */
-    tsuya_vec3 ng;      /* triangle's normal on the viewer's side */
-    tsuya_vec3 x, y, n; /* shading frame: weft, warp, normal; n·wo > 0 */
-    bool has_weft;      /* else x, y are any tangents */
-    const tsuya_shader *shader;
-    const double *dye;  /* NULL or dye_rgb */
-    double dye_rgb[3];
-} tsuya_surface;
-
 bool tsuya_scene_intersect(const tsuya_scene *scene, const tsuya_ray *ray, tsuya_ray_hit *hit);
 bool tsuya_scene_occluded(const tsuya_scene *scene, const tsuya_ray *ray);
 /* As in render/embree_adapter.h. */
@@ -85,11 +73,14 @@ void tsuya_scene_set_shader(tsuya_scene *scene, int index, const tsuya_shader *s
 const tsuya_bands *tsuya_scene_bands(const tsuya_scene *scene);
 /* The one dye's spectrum; NULL: surfaces have dyes of their own. */
 const double *tsuya_scene_dye_of_bands(const tsuya_scene *scene);
-/* Asks the memory for what tsuya_scene_surface will want at these hits (those that `met`). */
-void tsuya_scene_prefetch(const tsuya_scene *scene, const tsuya_ray_hit *hit, const bool *met, int count);
-void tsuya_scene_surface(const tsuya_scene *scene, const tsuya_ray_hit *hit, tsuya_vec3 wo, tsuya_surface *surface);
-/* Where a ray from a surface point towards wi starts; false when wi leaves through the cloth (nothing gets there). */
-bool tsuya_surface_ray_origin(const tsuya_scene *scene, const tsuya_surface *surface, tsuya_vec3 wi, tsuya_vec3 *origin);
+/* Ask the memory for what tsuya_scene_surfaces will want at these hits (those that `met`): first the one, then the other. */
+void tsuya_scene_prefetch_triangles(const tsuya_scene *scene, const tsuya_ray_hit *hit, const bool *met, int count);
+void tsuya_scene_prefetch_vertices(const tsuya_scene *scene, const tsuya_ray_hit *hit, const bool *met, const int *which, int count);
+/* How the cloth reflects where it was hit. */
+const tsuya_shader *tsuya_scene_shader_at(const tsuya_scene *scene, const tsuya_ray_hit *hit);
+/* The hits hit[which[0]], hit[which[1]], …, count ≤ TSUYA_WAVE of them, with one shader; wo unit, padded as s will be. */
+void tsuya_scene_surfaces(const tsuya_scene *scene, const tsuya_ray_hit *hit, const int *which, int count, const tsuya_planes3 *wo,
+                          const tsuya_shader *shader, tsuya_corners *room, tsuya_surfaces *s);
 /* Lower and upper corner of what rays can hit; low > high when empty. */
 void tsuya_scene_bounds(const tsuya_scene *scene, tsuya_vec3 *low, tsuya_vec3 *high);
 

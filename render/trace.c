@@ -1,37 +1,20 @@
 #include "render/trace.h"
 
-#include "brdf/sampling.h"
+#include "render/group.h"
 
+#include "core/clones.h"
 #include "core/color.h"
 #include "core/memory.h"
 
-#include <assert.h>
 #include <math.h>
+#include <string.h>
 
-/* Lamps whose weights are kept while one is chosen; of more, they are worked out twice. */
-enum { LAMPS_AT_ONCE = 32 };
+typedef tsuya_vec3f vec;
 
 /* Dimension pairs of a bounce. */
 enum { PAIR_LAMP, PAIR_DIRECTION, PAIR_CHOICE, PAIR_TURN, PAIR_SIDE, PAIRS_PER_BOUNCE };
 
-/* The last point of a path, as the next hit of a lamp needs it. */
-typedef struct vertex {
-    tsuya_vec3 p, n;
-    double pdf;          /* of the direction that left it */
-    double lamp_weights; /* sum of tsuya_light_weight there */
-} vertex;
-
-/* A path on its way. */
-typedef struct walker {
-    tsuya_camera_path *path;
-    tsuya_vec3 origin, direction;
-    double *throughput; /* of each channel */
-    vertex last;
-    tsuya_ray ray, shadow;
-    tsuya_ray_hit hit;
-    bool met, alive, lit; /* lit: a shadow ray decides about `lamp` */
-    double lamp[3];
-} walker;
+static uint32_t pair_of(int depth, int which) { return (uint32_t)(TSUYA_PAIR_FIRST + PAIRS_PER_BOUNCE * depth + which); }
 
 void tsuya_tracer_free(tsuya_tracer *t)
 {
@@ -40,6 +23,7 @@ void tsuya_tracer_free(tsuya_tracer *t)
     }
     tsuya_free(t->response);
     t->response = NULL;
+    tsuya_lamps_free(&t->lamps);
 }
 
 static tsuya_status respond(tsuya_tracer *t)
@@ -53,23 +37,59 @@ static tsuya_status respond(tsuya_tracer *t)
         }
     }
 done:
-    if (status != TSUYA_OK) {
-        tsuya_tracer_free(t);
-    }
     return status;
 }
 
 tsuya_status tsuya_tracer_create(tsuya_tracer *t, const tsuya_scene *scene, const tsuya_light_set *lights, const tsuya_path_options *options)
 {
     *t = (tsuya_tracer){.scene = scene, .lights = lights, .options = options, .bands = tsuya_scene_bands(scene)};
-    for (int k = 0; k < lights->count; ++k) {
-        tsuya_light_kind kind = lights->light[k].kind;
-        t->lamps_in_the_way |= kind == TSUYA_LIGHT_DISK || kind == TSUYA_LIGHT_RECT || kind == TSUYA_LIGHT_ENVIRONMENT;
+    tsuya_status status = tsuya_lamps_create(&t->lamps, lights);
+    if (status == TSUYA_OK && t->bands) {
+        status = respond(t);
     }
-    return t->bands ? respond(t) : TSUYA_OK;
+    if (status != TSUYA_OK) {
+        tsuya_tracer_free(t);
+    }
+    return status;
 }
 
 static int channels_of(const tsuya_tracer *t) { return t->bands ? t->bands->count : 3; }
+
+/* Both in one piece, at a multiple of what their planes want. */
+typedef struct whole_wave { tsuya_wave wave; tsuya_wave_group group; } whole_wave;
+
+tsuya_status tsuya_wave_create(tsuya_wave **wave, const tsuya_tracer *t)
+{
+    tsuya_status status = TSUYA_OK;
+    char *block;
+    const size_t planes = (size_t)channels_of(t) * TSUYA_WAVE, aligned = _Alignof(whole_wave);
+    *wave = NULL;
+    TSUYA_NEW(status, block, sizeof(whole_wave) + aligned);
+    whole_wave *w = (whole_wave *)(block + (aligned - (uintptr_t)block % aligned) % aligned);
+    w->wave.block = block;
+    w->wave.group = &w->group;
+    *wave = &w->wave;
+    TSUYA_NEW(status, w->wave.throughput, planes);
+    TSUYA_NEW(status, w->group.f, planes);
+    TSUYA_NEW(status, w->group.dye, planes);
+    TSUYA_NEW(status, w->group.rest, planes);
+    return TSUYA_OK;
+done:
+    tsuya_wave_free(*wave);
+    *wave = NULL;
+    return status;
+}
+
+void tsuya_wave_free(tsuya_wave *w)
+{
+    if (w) {
+        tsuya_free(w->group->f);
+        tsuya_free(w->group->dye);
+        tsuya_free(w->group->rest);
+        tsuya_free(w->throughput);
+        tsuya_free(w->block);
+    }
+}
 
 static double dot(const double *a, const double *b, int count)
 {
@@ -98,483 +118,403 @@ static void receive(const tsuya_tracer *t, int lamp, const double sent[3], const
     }
 }
 
-/* value[c] *= factor[c] · scale */
-static void attenuate(const tsuya_tracer *t, double *value, const double *factor, double scale)
+/* The same for a lane's planes, `stride` apart. */
+static void receive_lane(const tsuya_tracer *t, int lane, int lamp, const double sent[3], const float *kept, int stride, double scale,
+                         float to[3][TSUYA_WAVE])
 {
-    if (!t->bands) {
-        for (int c = 0; c < 3; ++c) {
-            value[c] *= factor[c] * scale;
-        }
-        return;
+    double all[TSUYA_MATERIAL_MAX_CHANNELS], rgb[3] = {0, 0, 0};
+    for (int c = 0; c < channels_of(t); ++c) {
+        all[c] = kept[c * stride];
     }
-    for (int c = 0; c < t->bands->count; ++c) {
-        value[c] *= factor[c] * scale;
+    receive(t, lamp, sent, all, scale, rgb);
+    for (int c = 0; c < 3; ++c) {
+        to[c][lane] += (float)rgb[c];
     }
 }
 
-static tsuya_vec3 to_local(const tsuya_surface *s, tsuya_vec3 w)
+/* --- rays --- */
+
+static tsuya_ray make_ray(tsuya_vec3f origin, tsuya_vec3f direction, float far)
 {
-    return (tsuya_vec3){tsuya_vec3_dot(w, s->x), tsuya_vec3_dot(w, s->y), tsuya_vec3_dot(w, s->n)};
+    return (tsuya_ray){{origin.x, origin.y, origin.z}, {direction.x, direction.y, direction.z}, 0.0f, far};
 }
 
-static tsuya_vec3 to_world(const tsuya_surface *s, tsuya_vec3 w)
+/* How many of the list from `first` on go as one packet: a bundle's first rays; 1: a ray by itself. */
+static int packet_at(const tsuya_tracer *t, const tsuya_wave *w, const int *list, int first, int count, bool bundled)
 {
-    return tsuya_vec3_mad(tsuya_vec3_mad(tsuya_vec3_scale(s->x, w.x), w.y, s->y), w.z, s->n);
-}
-
-/* A surface seen from one side, with what its reflectance says about that alone. */
-typedef struct look {
-    const tsuya_surface *s;
-    tsuya_vec3 wo; /* local */
-    const tsuya_material_view *view; /* where the shader is a material */
-    const tsuya_bands *spread; /* NULL: the shader's values are the path's channels; else colours, to be spread over these */
-    double dye[TSUYA_MATERIAL_MAX_CHANNELS]; /* of a spectral shader on a surface with a colour of its own */
-} look;
-
-/* Numbers of a bounce, for all walkers at once. */
-typedef struct chances {
-    double lamp[2][TSUYA_SAMPLER_LANES], direction[2][TSUYA_SAMPLER_LANES], choice[2][TSUYA_SAMPLER_LANES], turn[2][TSUYA_SAMPLER_LANES];
-} chances;
-
-/* What lies under the surface part, in the shader's channels. */
-static const double *dye_of(look *l, const tsuya_tracer *t)
-{
-    if (!l->s->shader->spectral || !l->s->dye) {
-        return l->s->dye;
+    int size = 1;
+    while (bundled && first + size < count && w->bundle[list[first + size]] == w->bundle[list[first]]) {
+        ++size;
     }
-    const double *one = tsuya_scene_dye_of_bands(t->scene);
-    if (!one) {
-        tsuya_bands_spread(l->dye, t->bands, l->s->dye);
-    }
-    return one ? one : l->dye;
+    return size > 2 && !t->options->single_rays ? size : 1;
 }
 
-static void look_at(look *l, const tsuya_tracer *t, const tsuya_surface *s, tsuya_vec3 wo)
-{
-    l->s = s;
-    l->wo = wo;
-    l->view = NULL;
-    l->spread = s->shader->spectral ? NULL : t->bands;
-}
-
-/* f: as many values as a path has channels. */
-static double eval_pdf(const look *l, tsuya_vec3 wi, double *f)
-{
-    const tsuya_shader *shader = l->s->shader;
-    double pdf = shader->material ? tsuya_material_view_eval_pdf(l->view, wi, f) : shader->eval_pdf(shader->user, l->s->dye, wi, l->wo, f);
-    if (l->spread) {
-        const double rgb[3] = {f[0], f[1], f[2]};
-        tsuya_bands_spread(f, l->spread, rgb);
-    }
-    return pdf;
-}
-
-static bool sample_direction(const look *l, const double u[3], tsuya_vec3 *wi)
-{
-    const tsuya_shader *shader = l->s->shader;
-    return shader->material ? tsuya_material_view_sample(l->view, u, wi) : shader->sample(shader->user, l->s->dye, l->wo, u, wi);
-}
-
-static tsuya_ray make_ray(tsuya_vec3 origin, tsuya_vec3 direction, double far)
-{
-    return (tsuya_ray){{(float)origin.x, (float)origin.y, (float)origin.z},
-                       {(float)direction.x, (float)direction.y, (float)direction.z},
-                       0.0f,
-                       far < 3e38 ? (float)far : INFINITY};
-}
-
-static void report_ray(const tsuya_tracer *t, const tsuya_ray *ray, bool shadow)
+static void report_rays(const tsuya_tracer *t, const tsuya_ray *ray, int count, bool shadow)
 {
     if (t->options->ray_sink) {
-        t->options->ray_sink(t->options->ray_user, ray, shadow);
+        t->options->ray_sink(t->options->ray_user, ray, count, shadow);
     }
 }
 
-static double larger(double a, double b) { return a > b ? a : b; }
-
-static double largest(const double rgb[3]) { return larger(rgb[0], larger(rgb[1], rgb[2])); }
-
-static double largest_kept(const tsuya_tracer *t, const double *throughput)
+/* Every living lane's ray: struck, hit. */
+static void intersect_all(const tsuya_tracer *t, tsuya_wave *w, bool bundled)
 {
-    double most = 0.0;
-    for (int c = 0; c < channels_of(t); ++c) {
-        most = larger(most, throughput[c]);
+    for (int k = 0, size; k < w->alive_count; k += size) {
+        tsuya_ray ray[TSUYA_RAY_PACKET];
+        tsuya_ray_hit hit[TSUYA_RAY_PACKET];
+        bool struck[TSUYA_RAY_PACKET];
+        size = packet_at(t, w, w->alive, k, w->alive_count, bundled);
+        for (int i = 0; i < size; ++i) {
+            ray[i] = make_ray(tsuya_lane(&w->origin, w->alive[k + i]), tsuya_lane(&w->direction, w->alive[k + i]), INFINITY);
+        }
+        report_rays(t, ray, size, false);
+        if (size > 1) {
+            tsuya_scene_intersect_packet(t->scene, ray, size, hit, struck);
+        } else {
+            struck[0] = tsuya_scene_intersect(t->scene, ray, hit);
+        }
+        tsuya_scene_prefetch_triangles(t->scene, hit, struck, size);
+        for (int i = 0; i < size; ++i) {
+            w->struck[w->alive[k + i]] = struck[i];
+            w->hit[w->alive[k + i]] = hit[i];
+        }
     }
-    return most;
 }
 
-static double power_heuristic(double a, double b)
+/* Lanes that are marked, in order. */
+static int list_marked(int list[TSUYA_WAVE], const bool *marked, int count)
 {
-    double r = b / a;
-    return 1.0 / (1.0 + r * r);
+    int found = 0;
+    for (int k = 0; k < count; ++k) {
+        list[found] = k;
+        found += marked[k];
+    }
+    return found;
 }
 
-/* Weight of a lamp sample against a direction sample, and the other way round, under the strategy. */
-static double lamp_share(const tsuya_tracer *t, double pdf_lamp, double pdf_direction)
+/* Adds the lamps that are seen. Returns the number of shadow rays. */
+static int occlude_all(const tsuya_tracer *t, tsuya_wave *w, bool bundled)
 {
-    return t->options->strategy == TSUYA_STRATEGY_MIS ? power_heuristic(pdf_lamp, pdf_direction) : 1.0;
+    int list[TSUYA_WAVE], count = list_marked(list, w->lit, w->count);
+    for (int k = 0, size; k < count; k += size) {
+        tsuya_ray ray[TSUYA_RAY_PACKET];
+        bool hidden[TSUYA_RAY_PACKET];
+        size = packet_at(t, w, list, k, count, bundled);
+        for (int i = 0; i < size; ++i) {
+            ray[i] = w->shadow[list[k + i]];
+        }
+        report_rays(t, ray, size, true);
+        if (size > 1) {
+            tsuya_scene_occluded_packet(t->scene, ray, size, hidden);
+        } else {
+            hidden[0] = tsuya_scene_occluded(t->scene, ray);
+        }
+        for (int i = 0; i < size; ++i) {
+            for (int c = 0; c < 3 && !hidden[i]; ++c) {
+                w->rgb[c][list[k + i]] += w->lamp[c][list[k + i]];
+            }
+        }
+    }
+    return count;
 }
 
-static double direction_share(const tsuya_tracer *t, double pdf_direction, double pdf_lamp)
+/* --- strategies --- */
+
+static float power_heuristic(float a, float b)
+{
+    float r = b / a;
+    return 1.0f / (1.0f + r * r);
+}
+
+static float direction_share(const tsuya_tracer *t, float pdf_direction, float pdf_lamp)
 {
     return t->options->strategy == TSUYA_STRATEGY_MIS     ? power_heuristic(pdf_direction, pdf_lamp)
-           : t->options->strategy == TSUYA_STRATEGY_LAMPS ? 0.0
-                                                          : 1.0;
+           : t->options->strategy == TSUYA_STRATEGY_LAMPS ? 0.0f
+                                                          : 1.0f;
 }
 
-/* One lamp with a probability in proportion to its weight; −1 when none can shine here. */
-static int choose_lamp(const tsuya_light_set *lights, const tsuya_surface *s, double u, double *probability, double *sum)
+/* Lamps that the living lanes' rays run into before they meet the cloth; first: seen by the camera itself. */
+static void add_lamps_hit(const tsuya_tracer *t, tsuya_wave *w, bool first)
 {
-    double weight[LAMPS_AT_ONCE], total = 0.0, before = 0.0;
-    const bool kept = lights->count <= LAMPS_AT_ONCE;
-    for (int k = 0; k < lights->count; ++k) {
-        double w = tsuya_light_weight(&lights->light[k], s->p, s->n);
-        total += w;
-        if (kept) {
-            weight[k] = w;
-        }
+    tsuya_planes3 from, n, direction;
+    tsuya_lamp_hits hits;
+    const int count = w->alive_count, padded = tsuya_wave_padded(count);
+    for (int k = 0; k < padded; ++k) {
+        int lane = w->alive[k < count ? k : 0];
+        tsuya_set_lane(&direction, k, tsuya_lane(&w->direction, lane));
+        tsuya_set_lane(&from, k, tsuya_lane(first ? &w->origin : &w->last_p, lane));
+        tsuya_set_lane(&n, k, tsuya_lane(first ? &w->direction : &w->last_n, lane));
     }
-    int chosen = -1;
-    double chosen_weight = 0.0;
-    for (int k = 0; k < lights->count && before <= u * total; ++k) {
-        double w = kept ? weight[k] : tsuya_light_weight(&lights->light[k], s->p, s->n);
-        if (w > 0.0) {
-            chosen = k;
-            chosen_weight = w;
-        }
-        before += w;
-    }
-    *sum = total;
-    *probability = total > 0.0 ? chosen_weight / total : 0.0;
-    return chosen;
-}
-
-/* The ray that decides whether a lamp's sample is seen; false when it is not without one. */
-static bool shadow_ray(const tsuya_tracer *t, const tsuya_surface *s, const tsuya_light_sample *sample, tsuya_ray *ray)
-{
-    tsuya_vec3 origin, direction = sample->wi;
-    if (!tsuya_surface_ray_origin(t->scene, s, sample->wi, &origin)) {
-        return false;
-    }
-    double far = INFINITY;
-    if (isfinite(sample->distance_m)) {
-        tsuya_vec3 d = tsuya_vec3_sub(tsuya_vec3_mad(s->p, sample->distance_m, sample->wi), origin);
-        far = tsuya_vec3_norm(d) * (1.0 - 1e-5);
-        direction = tsuya_vec3_unit(d);
-    }
-    *ray = make_ray(origin, direction, far);
-    return true;
-}
-
-/* Light from one lamp, chosen and sampled: w->lamp, if w->shadow is free. */
-static void prepare_lamp(const tsuya_tracer *t, walker *w, const look *l, const double u[2], double choice)
-{
-    const tsuya_surface *s = l->s;
-    double probability, f[TSUYA_MATERIAL_MAX_CHANNELS];
-    int k = choose_lamp(t->lights, s, choice, &probability, &w->last.lamp_weights);
-    tsuya_light_sample sample;
-    if (k < 0 || t->options->strategy == TSUYA_STRATEGY_BSDF) {
-        return;
-    }
-    const tsuya_light *light = &t->lights->light[k];
-    if (!tsuya_light_sample_at(light, s->p, s->n, u, &sample)) {
-        return;
-    }
-    tsuya_vec3 wi = to_local(s, sample.wi);
-    if (!(wi.z > 0.0)) {
-        return;
-    }
-    double pdf_direction = eval_pdf(l, wi, f);
-    double pdf_lamp = sample.pdf * probability;
-    double scale = wi.z / pdf_lamp * (sample.delta ? 1.0 : lamp_share(t, pdf_lamp, pdf_direction));
-    attenuate(t, f, w->throughput, 1.0);
-    w->lamp[0] = w->lamp[1] = w->lamp[2] = 0.0;
-    receive(t, k, sample.rgb, f, scale, w->lamp);
-    w->lit = largest(w->lamp) > 0.0 && shadow_ray(t, s, &sample, &w->shadow);
-}
-
-/* Lamps that the ray runs into before it meets the cloth; first: seen by the camera itself. */
-static void add_lamps_hit(const tsuya_tracer *t, walker *w, bool first)
-{
-    double distance = w->met ? w->hit.distance : INFINITY;
-    tsuya_vec3 from = first ? w->origin : w->last.p, n = first ? w->direction : w->last.n;
-    for (int k = 0; k < t->lights->count; ++k) {
-        const tsuya_light *light = &t->lights->light[k];
-        double lamp_distance, emitted[3], pdf, share = 1.0;
-        bool skipped = light->kind == TSUYA_LIGHT_ENVIRONMENT ? w->met : first && !t->options->lamps_visible;
-        if (skipped || !tsuya_light_hit(light, from, n, w->direction, &lamp_distance, emitted, &pdf)) {
+    for (int i = 0; i < t->lights->count; ++i) {
+        const tsuya_light *light = &t->lights->light[i];
+        bool sky = light->kind == TSUYA_LIGHT_ENVIRONMENT;
+        if (!(sky || light->area_m2 > 0.0) || (first && !sky && !t->options->lamps_visible)) {
             continue;
         }
-        if (lamp_distance > distance) {
-            continue;
+        tsuya_lamps_hit(&t->lamps, i, padded, &from, &n, &direction, &hits);
+        for (int k = 0; k < count; ++k) {
+            int lane = w->alive[k];
+            if (!(hits.pdf[k] > 0.0f) || (w->struck[lane] && (sky || hits.distance[k] > w->hit[lane].distance))) {
+                continue;
+            }
+            float share = 1.0f;
+            double emitted[3];
+            if (!first) {
+                float weight = (float)tsuya_light_weight(light, tsuya_planes3_at(&from, k), tsuya_planes3_at(&n, k)), sum = w->lamp_weights[lane];
+                share = direction_share(t, w->last_pdf[lane], sum > 0.0f ? hits.pdf[k] * weight / sum : 0.0f);
+            }
+            tsuya_light_radiance(light, tsuya_planes3_at(&direction, k), emitted);
+            receive_lane(t, lane, i, emitted, w->throughput + lane, TSUYA_WAVE, share, w->rgb);
         }
-        if (!first) {
-            double weight = tsuya_light_weight(light, w->last.p, w->last.n), sum = w->last.lamp_weights;
-            share = direction_share(t, w->last.pdf, sum > 0.0 ? pdf * weight / sum : 0.0);
-        }
-        receive(t, k, emitted, w->throughput, share, w->path->rgb);
     }
 }
 
-/* Draws the next direction; false when the path ends. */
-static bool scatter(const tsuya_tracer *t, walker *w, const look *l, const double u[3])
+/* --- a group of lanes --- */
+
+static void take_chances(tsuya_wave_group *g, const tsuya_wave *w)
 {
-    const tsuya_surface *s = l->s;
-    tsuya_vec3 wi;
-    double f[TSUYA_MATERIAL_MAX_CHANNELS];
-    if (!sample_direction(l, u, &wi)) {
-        return false;
+    for (int k = 0; k < g->padded; ++k) {
+        int lane = g->lane[k < g->count ? k : 0];
+        g->key[k] = w->key[lane];
+        g->sample[k] = w->sample[lane];
     }
-    double pdf = eval_pdf(l, wi, f);
-    if (!(pdf > 0.0)) {
-        return false;
-    }
-    attenuate(t, w->throughput, f, wi.z / pdf);
-    w->direction = tsuya_vec3_unit(to_world(s, wi));
-    w->last.p = s->p;
-    w->last.n = s->n;
-    w->last.pdf = pdf;
-    return largest_kept(t, w->throughput) > 0.0 && tsuya_surface_ray_origin(t->scene, s, w->direction, &w->origin);
+    tsuya_sampler_pairs(g->key, g->sample, g->padded, pair_of(g->depth, PAIR_CHOICE), g->chance[0], g->chance[1]);
 }
 
 /* Where the weft is unknown: the frame turned by a uniform angle, which averages the reflectance over the azimuth. */
-static void turn_frame(tsuya_surface *s, double u)
+static void turn_frames(tsuya_wave_group *g, const tsuya_wave *w)
 {
-    double angle = 2.0 * M_PI * u, c = cos(angle), k = sin(angle);
-    tsuya_vec3 x = s->x, y = s->y;
-    s->x = tsuya_vec3_mad(tsuya_vec3_scale(x, c), k, y);
-    s->y = tsuya_vec3_mad(tsuya_vec3_scale(y, c), -k, x);
+    for (int k = 0; k < g->count; ++k) {
+        if (g->s.has_weft[k] > 0.0f) {
+            continue;
+        }
+        double u[2];
+        tsuya_sampler_pair((tsuya_sampler){w->key[g->lane[k]], w->sample[g->lane[k]]}, pair_of(g->depth, PAIR_TURN), u);
+        double angle = 2.0 * M_PI * u[0], c = cos(angle), s = sin(angle);
+        tsuya_vec3 x = tsuya_planes3_at(&g->s.x, k), y = tsuya_planes3_at(&g->s.y, k);
+        tsuya_planes3_set(&g->s.x, k, tsuya_vec3_mad(tsuya_vec3_scale(x, c), s, y));
+        tsuya_planes3_set(&g->s.y, k, tsuya_vec3_mad(tsuya_vec3_scale(y, c), -s, x));
+    }
+}
+
+/* Weight of each lamp's sample: cosine over density, times its share against a sample of the direction under the strategy; 0 where it
+ * does not count. */
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
+weigh_lamps(tsuya_wave_group *restrict g, bool shared)
+{
+#pragma omp simd
+    for (int k = 0; k < g->padded; ++k) {
+        float pdf = g->lamp.pdf[k] * g->choice.probability[k], safe = pdf > 0.0f ? pdf : 1.0f, r = g->pdf[k] / safe;
+        float share = shared & !(g->lamp.delta[k] > 0.0f) ? 1.0f / (1.0f + r * r) : 1.0f;
+        g->scale[k] = (pdf > 0.0f) & (g->wi.z[k] > 0.0f) ? share * g->wi.z[k] / safe : 0.0f;
+    }
+}
+
+/* The ray that decides whether a lamp's sample is seen. */
+static tsuya_ray shadow_ray(const tsuya_wave_group *g, int k)
+{
+    vec origin = tsuya_lane(&g->origin, k), direction = tsuya_lane(&g->world, k);
+    float far = g->lamp.distance[k];
+    if (far < INFINITY) { /* the way from the surface is that from the ray's origin and a little */
+        vec d = tsuya_mad_f32(tsuya_sub_f32(tsuya_lane(&g->s.p, k), origin), far, direction);
+        float length = sqrtf(tsuya_dot_f32(d, d));
+        far = length * (1.0f - 1e-5f);
+        direction = tsuya_scale_f32(d, length > 0.0f ? 1.0f / length : 0.0f);
+    }
+    return make_ray(origin, direction, far);
+}
+
+/* Light from one lamp a lane, chosen and sampled: w->lamp, w->shadow, w->lit. */
+static void prepare_lamps(const tsuya_tracer *t, tsuya_wave *w, tsuya_wave_group *g)
+{
+    const int n = g->padded;
+    tsuya_lamps_choose(&t->lamps, n, &g->s.p, &g->s.n, g->chance[0], &g->choice);
+    for (int k = 0; k < g->count; ++k) {
+        w->lamp_weights[g->lane[k]] = g->choice.sum[k];
+    }
+    if (t->options->strategy == TSUYA_STRATEGY_BSDF) {
+        return;
+    }
+    if (t->lamps.in_the_way) { /* else every lamp is a point */
+        tsuya_sampler_pairs(g->key, g->sample, n, pair_of(g->depth, PAIR_LAMP), g->u[0], g->u[1]);
+    }
+    tsuya_lamps_sample(&t->lamps, n, &g->s.p, &g->s.n, &g->choice, (const float *const[2]){g->u[0], g->u[1]}, &g->lamp);
+    g->world = g->lamp.wi;
+    tsuya_surfaces_to_local(&g->s, &g->world, &g->wi);
+    tsuya_group_eval_pdf(g);
+    weigh_lamps(g, t->options->strategy == TSUYA_STRATEGY_MIS);
+    tsuya_surfaces_ray_origins(&g->s, &g->world, &g->origin, g->starts);
+    for (int k = 0; k < g->count; ++k) {
+        int lane = g->lane[k];
+        if (!(g->scale[k] > 0.0f && g->starts[k] > 0.0f)) {
+            continue;
+        }
+        for (int c = 0; c < channels_of(t); ++c) {
+            g->f[c * n + k] *= w->throughput[c * TSUYA_WAVE + lane];
+        }
+        const double sent[3] = {g->lamp.rgb[0][k], g->lamp.rgb[1][k], g->lamp.rgb[2][k]};
+        w->lamp[0][lane] = w->lamp[1][lane] = w->lamp[2][lane] = 0.0f;
+        receive_lane(t, lane, g->choice.lamp[k], sent, g->f + k, n, g->scale[k], w->lamp);
+        if (w->lamp[0][lane] > 0.0f || w->lamp[1][lane] > 0.0f || w->lamp[2][lane] > 0.0f) {
+            w->shadow[lane] = shadow_ray(g, k);
+            w->lit[lane] = true;
+        }
+    }
+}
+
+/* Draws the next directions; says which paths go on. */
+static void scatter(const tsuya_tracer *t, tsuya_wave *w, tsuya_wave_group *g)
+{
+    const int n = g->padded;
+    tsuya_sampler_pairs(g->key, g->sample, n, pair_of(g->depth, PAIR_DIRECTION), g->u[0], g->u[1]);
+    tsuya_group_sample(g);
+    tsuya_group_eval_pdf(g);
+    tsuya_surfaces_to_world(&g->s, &g->wi, &g->world);
+    tsuya_surfaces_ray_origins(&g->s, &g->world, &g->origin, g->starts);
+    for (int k = 0; k < g->count; ++k) {
+        int lane = g->lane[k];
+        float most = 0.0f, scale = g->wi.z[k] / g->pdf[k];
+        if (!(g->pdf[k] > 0.0f && g->wi.z[k] > 0.0f && g->starts[k] > 0.0f)) {
+            continue;
+        }
+        for (int c = 0; c < channels_of(t); ++c) {
+            float *kept = &w->throughput[c * TSUYA_WAVE + lane];
+            *kept *= g->f[c * n + k] * scale;
+            most = *kept > most ? *kept : most;
+        }
+        if (most > 0.0f) {
+            tsuya_set_lane(&w->direction, lane, tsuya_lane(&g->world, k));
+            tsuya_set_lane(&w->origin, lane, tsuya_lane(&g->origin, k));
+            tsuya_set_lane(&w->last_p, lane, tsuya_lane(&g->s.p, k));
+            tsuya_set_lane(&w->last_n, lane, tsuya_lane(&g->s.n, k));
+            w->last_pdf[lane] = g->pdf[k];
+            w->goes_on[lane] = true;
+        }
+    }
+}
+
+/* One side of a cloth that lets light through is looked at, by chance, and counts for both; true: the other side. */
+static bool choose_side(const tsuya_tracer *t, tsuya_wave *w, int lane, const tsuya_shader *shader, int depth)
+{
+    const double *share = shader->transmittance;
+    double u[2], most = fmax(share[0], fmax(share[1], share[2])), q = most / (most + 0.5);
+    if (!(most > 0.0)) {
+        return false;
+    }
+    tsuya_sampler_pair((tsuya_sampler){w->key[lane], w->sample[lane]}, pair_of(depth, PAIR_SIDE), u);
+    for (int c = 0; c < channels_of(t); ++c) {
+        w->throughput[c * TSUYA_WAVE + lane] /= (float)(u[0] < q ? q : 1.0 - q);
+    }
+    return u[0] < q;
 }
 
 /* Paths that carry little go on rarely, and then for more.  By the root: where a dark body sends light into a narrow lobe that sees a
  * lamp, the few that go on carry most of the noise, and rays are cheap beside it. */
-static bool survives(const tsuya_tracer *t, double *throughput, double u)
+static bool survives(const tsuya_tracer *t, tsuya_wave *w, int lane, int depth)
 {
-    double most = largest_kept(t, throughput), keep = most < 0.0025 ? 0.05 : most < 1.0 ? sqrt(most) : 1.0;
+    double u[2];
+    float most = 0.0f;
     for (int c = 0; c < channels_of(t); ++c) {
-        throughput[c] /= keep;
+        most = fmaxf(most, w->throughput[c * TSUYA_WAVE + lane]);
     }
-    return u < keep;
-}
-
-/* --- thin cloth: what falls on its other side comes through as from a Lambert surface --- */
-
-static double through_eval_pdf(const void *user, const double *dye, tsuya_vec3 wi, tsuya_vec3 wo, double value[3])
-{
-    (void)user, (void)wo;
-    for (int c = 0; c < 3; ++c) {
-        value[c] = wi.z > 0.0 ? dye[c] / M_PI : 0.0;
-    }
-    return wi.z > 0.0 ? wi.z / M_PI : 0.0;
-}
-
-static bool through_sample(const void *user, const double *dye, tsuya_vec3 wo, const double u[3], tsuya_vec3 *wi)
-{
-    (void)user, (void)dye, (void)wo;
-    *wi = tsuya_sample_cosine(u[0], u[1]);
-    return wi->z > 0.0;
-}
-
-static const tsuya_shader through = {.eval_pdf = through_eval_pdf, .sample = through_sample};
-
-/* One side of a cloth that lets light through is looked at, by chance, and counts for both. */
-static void choose_side(const tsuya_tracer *t, walker *w, tsuya_surface *s, double most, uint32_t pair)
-{
-    double u[2], q = most / (most + 0.5);
-    tsuya_sampler_pair(w->path->sampler, pair + PAIR_SIDE, u);
+    float keep = most < 0.0025f ? 0.05f : most < 1.0f ? sqrtf(most) : 1.0f;
     for (int c = 0; c < channels_of(t); ++c) {
-        w->throughput[c] /= u[0] < q ? q : 1.0 - q;
+        w->throughput[c * TSUYA_WAVE + lane] /= keep;
     }
-    if (u[0] >= q) {
-        return;
-    }
-    s->n = tsuya_vec3_scale(s->n, -1.0);
-    s->ng = tsuya_vec3_scale(s->ng, -1.0);
-    s->y = tsuya_vec3_scale(s->y, -1.0);
-    s->flat = true;
-    s->dye = s->shader->transmittance;
-    s->shader = &through;
+    tsuya_sampler_pair((tsuya_sampler){w->key[lane], w->sample[lane]}, pair_of(depth, PAIR_TURN), u);
+    return u[1] < (double)keep;
 }
 
-/* A lamp's sample, and the next ray. */
-static void interact(const tsuya_tracer *t, walker *w, const look *l, int depth, const chances *chance, int lane)
+/* The group's lanes at the points that their rays met: a lamp's sample, and the next ray. */
+static void shade_group(const tsuya_tracer *t, tsuya_wave *w, tsuya_wave_group *g, bool turned)
 {
-    const bool spread = t->lamps_in_the_way; /* else every lamp is a point */
-    const double lamp[2] = {spread ? chance->lamp[0][lane] : 0.5, spread ? chance->lamp[1][lane] : 0.5};
-    const double u[3] = {chance->direction[0][lane], chance->direction[1][lane], chance->choice[1][lane]};
-    prepare_lamp(t, w, l, lamp, chance->choice[0][lane]);
-    /* behind the last reflection only a lamp in the way can add something */
-    w->alive = (depth + 1 < t->options->bounces || t->lamps_in_the_way) && scatter(t, w, l, u);
-}
-
-/* At the point that the ray met. */
-static void shade(const tsuya_tracer *t, walker *w, int depth, const chances *chance, int lane)
-{
-    uint32_t pair = (uint32_t)(TSUYA_PAIR_FIRST + PAIRS_PER_BOUNCE * depth);
-    double turn[2] = {depth > 0 ? chance->turn[0][lane] : 0.0, depth > 0 ? chance->turn[1][lane] : 0.0};
-    tsuya_surface s;
-    tsuya_vec3 back = tsuya_vec3_scale(w->direction, -1.0);
-    tsuya_scene_surface(t->scene, &w->hit, back, &s);
+    g->padded = tsuya_wave_padded(g->count);
+    for (int k = 0; k < g->padded; ++k) {
+        tsuya_set_lane(&g->back, k, tsuya_scale_f32(tsuya_lane(&w->direction, g->lane[k < g->count ? k : 0]), -1.0f));
+    }
+    tsuya_scene_surfaces(t->scene, w->hit, g->lane, g->count, &g->back, g->shader, &g->corners, &g->s);
     if (t->options->card) {
-        s.shader = t->options->card;
-        s.dye = NULL;
+        g->shader = t->options->card;
+        g->s.dyed = false;
     }
-    if (!s.has_weft && depth == 0) {
-        tsuya_sampler_pair(w->path->sampler, pair + PAIR_TURN, turn);
+    g->through = NULL;
+    if (turned) {
+        tsuya_group_turn_over(g);
     }
-    /* at the hit, so that lamps met on the way have been counted; the first reflection always goes on */
-    if (depth > 1 && !survives(t, w->throughput, turn[1])) {
-        w->alive = false;
-        return;
-    }
-    double most = largest(s.shader->transmittance);
-    if (most > 0.0) {
-        choose_side(t, w, &s, most, pair);
-    }
-    if (!s.has_weft) {
-        turn_frame(&s, turn[0]);
-    }
-    look l;
-    look_at(&l, t, &s, to_local(&s, back)); /* under the surface for light that comes through, which does not ask for it */
-    if (!s.shader->material) {
-        interact(t, w, &l, depth, chance, lane);
-        return;
-    }
-    const tsuya_material_view view = tsuya_material_view_of(s.shader->material, dye_of(&l, t), l.wo); /* large: made in its place */
-    l.view = &view;
-    interact(t, w, &l, depth, chance, lane);
-}
-
-/* Every walker's ray: met, hit. */
-static void intersect_all(const tsuya_tracer *t, walker *w, int count, bool bundle)
-{
-    tsuya_ray ray[TSUYA_RAY_PACKET];
-    tsuya_ray_hit hit[TSUYA_RAY_PACKET];
-    bool met[TSUYA_RAY_PACKET];
-    for (int k = 0; k < count; ++k) {
-        ray[k] = w[k].ray = make_ray(w[k].origin, w[k].direction, INFINITY);
-        report_ray(t, &ray[k], false);
-    }
-    if (bundle && count > 2 && !t->options->single_rays) {
-        tsuya_scene_intersect_packet(t->scene, ray, count, hit, met);
-    } else {
-        for (int k = 0; k < count; ++k) {
-            met[k] = tsuya_scene_intersect(t->scene, &ray[k], &hit[k]);
-        }
-    }
-    tsuya_scene_prefetch(t->scene, hit, met, count);
-    for (int k = 0; k < count; ++k) {
-        w[k].met = met[k];
-        w[k].hit = hit[k];
+    turn_frames(g, w);
+    tsuya_surfaces_to_local(&g->s, &g->back, &g->wo); /* under the surface for light that comes through, which does not ask for it */
+    take_chances(g, w);
+    tsuya_group_look(g, t->scene);
+    prepare_lamps(t, w, g);
+    /* behind the last reflection only a lamp in the way can add something */
+    if (g->depth + 1 < t->options->bounces || t->lamps.in_the_way) {
+        scatter(t, w, g);
     }
 }
 
-/* Adds the lamps that are seen. Returns the number of shadow rays. */
-static int occlude_all(const tsuya_tracer *t, walker *w, int count, bool bundle)
+/* Shades every living lane that met the cloth, those of one shader and side together. */
+static void shade_all(const tsuya_tracer *t, tsuya_wave *w, int depth)
 {
-    tsuya_ray ray[TSUYA_RAY_PACKET];
-    bool hidden[TSUYA_RAY_PACKET];
-    int who[TSUYA_RAY_PACKET], rays = 0;
-    for (int k = 0; k < count; ++k) {
-        if (w[k].lit) {
-            who[rays] = k;
-            ray[rays++] = w[k].shadow;
-            report_ray(t, &w[k].shadow, true);
+    const tsuya_shader *shader[TSUYA_WAVE];
+    bool turned[TSUYA_WAVE];
+    int list[TSUYA_WAVE], count = 0;
+    for (int k = 0; k < w->alive_count; ++k) {
+        int lane = w->alive[k];
+        /* at the hit, so that lamps met on the way have been counted; the first reflection always goes on */
+        if (w->struck[lane] && (depth < 2 || survives(t, w, lane, depth))) {
+            const tsuya_shader *own = tsuya_scene_shader_at(t->scene, &w->hit[lane]);
+            turned[count] = choose_side(t, w, lane, t->options->card ? t->options->card : own, depth);
+            shader[count] = own;
+            list[count++] = lane;
         }
     }
-    if (bundle && rays > 2 && !t->options->single_rays) {
-        tsuya_scene_occluded_packet(t->scene, ray, rays, hidden);
-    } else {
-        for (int k = 0; k < rays; ++k) {
-            hidden[k] = tsuya_scene_occluded(t->scene, &ray[k]);
+    for (int first = 0; first < count; ++first) {
+        tsuya_wave_group *g = w->group;
+        if (!shader[first]) {
+            continue;
         }
-    }
-    for (int k = 0; k < rays; ++k) {
-        for (int c = 0; c < 3 && !hidden[k]; ++c) {
-            w[who[k]].path->rgb[c] += w[who[k]].lamp[c];
+        g->shader = shader[first];
+        g->depth = depth;
+        g->count = 0;
+        for (int k = first; k < count; ++k) {
+            if (shader[k] == g->shader && turned[k] == turned[first]) {
+                g->lane[g->count++] = list[k];
+                shader[k] = NULL;
+            }
         }
-    }
-    return rays;
-}
-
-static_assert((int)TSUYA_RAY_PACKET <= (int)TSUYA_SAMPLER_LANES, "every walker of a packet has a lane");
-
-static void take_chances(const tsuya_tracer *t, chances *chance, const walker *w, int count, int depth)
-{
-    uint32_t pair = (uint32_t)(TSUYA_PAIR_FIRST + PAIRS_PER_BOUNCE * depth), key[TSUYA_SAMPLER_LANES], sample[TSUYA_SAMPLER_LANES];
-    for (int k = 0; k < TSUYA_SAMPLER_LANES; ++k) {
-        const tsuya_sampler *s = &w[k < count ? k : 0].path->sampler;
-        key[k] = s->key;
-        sample[k] = s->sample;
-    }
-    tsuya_sampler_pairs(key, sample, pair + PAIR_CHOICE, chance->choice);
-    tsuya_sampler_pairs(key, sample, pair + PAIR_DIRECTION, chance->direction);
-    if (t->lamps_in_the_way) {
-        tsuya_sampler_pairs(key, sample, pair + PAIR_LAMP, chance->lamp);
-    }
-    if (depth > 0) {
-        tsuya_sampler_pairs(key, sample, pair + PAIR_TURN, chance->turn);
+        shade_group(t, w, g, turned[first]);
     }
 }
 
-static bool any_met(const walker *w, int count)
+uint64_t tsuya_trace(const tsuya_tracer *t, tsuya_wave *w)
 {
-    bool any = false;
-    for (int k = 0; k < count; ++k) {
-        any |= w[k].met;
-    }
-    return any;
-}
-
-/* One step of every walker; how many go on (they are moved to the front). */
-static int step(const tsuya_tracer *t, walker *w, int count, int depth, uint64_t *rays)
-{
-    int left = 0;
-    chances chance;
-    intersect_all(t, w, count, depth == 0);
-    *rays += (uint64_t)count;
-    if (depth < t->options->bounces && any_met(w, count)) {
-        take_chances(t, &chance, w, count, depth);
-    }
-    for (int k = 0; k < count; ++k) {
-        if (depth == 0) {
-            w[k].path->met = w[k].met;
-        }
-        w[k].lit = w[k].alive = false;
-        if (t->lamps_in_the_way) {
-            add_lamps_hit(t, &w[k], depth == 0);
-        }
-        if (w[k].met && depth < t->options->bounces) {
-            shade(t, &w[k], depth, &chance, k);
-        }
-    }
-    *rays += (uint64_t)occlude_all(t, w, count, depth == 0);
-    for (int k = 0; k < count; ++k) {
-        if (w[k].alive && left++ < k) {
-            w[left - 1] = w[k];
-        }
-    }
-    return left;
-}
-
-uint64_t tsuya_trace(const tsuya_tracer *tracer, tsuya_camera_path *path, int count)
-{
-    walker w[TSUYA_RAY_PACKET];
-    double throughput[TSUYA_RAY_PACKET * TSUYA_MATERIAL_MAX_CHANNELS];
-    const int channels = channels_of(tracer);
     uint64_t rays = 0;
-    for (int k = 0; k < count; ++k) {
-        w[k].path = &path[k];
-        w[k].origin = path[k].origin;
-        w[k].direction = path[k].direction;
-        w[k].throughput = throughput + k * channels;
-        for (int c = 0; c < channels; ++c) {
-            w[k].throughput[c] = 1.0;
+    memset(w->rgb, 0, sizeof w->rgb);
+    for (int k = 0; k < w->count; ++k) {
+        w->alive[k] = k;
+        for (int c = 0; c < channels_of(t); ++c) {
+            w->throughput[c * TSUYA_WAVE + k] = 1.0f;
         }
-        path[k].rgb[0] = path[k].rgb[1] = path[k].rgb[2] = 0.0;
     }
-    for (int depth = 0; count > 0 && depth <= tracer->options->bounces; ++depth) {
-        count = step(tracer, w, count, depth, &rays);
+    w->alive_count = w->count;
+    for (int depth = 0; w->alive_count > 0 && depth <= t->options->bounces; ++depth) {
+        rays += (uint64_t)w->alive_count;
+        intersect_all(t, w, depth == 0);
+        if (depth == 0) {
+            memcpy(w->met, w->struck, sizeof w->met);
+        }
+        if (t->lamps.in_the_way) {
+            add_lamps_hit(t, w, depth == 0);
+        }
+        if (depth == t->options->bounces) {
+            break;
+        }
+        memset(w->lit, 0, sizeof w->lit);
+        memset(w->goes_on, 0, sizeof w->goes_on);
+        tsuya_scene_prefetch_vertices(t->scene, w->hit, w->struck, w->alive, w->alive_count);
+        shade_all(t, w, depth);
+        rays += (uint64_t)occlude_all(t, w, depth == 0);
+        w->alive_count = list_marked(w->alive, w->goes_on, w->count);
     }
     return rays;
 }

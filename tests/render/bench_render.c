@@ -18,20 +18,25 @@ enum { WIDTH = 320, HEIGHT = 240, SPP = 8, PAIRS = 5 };
 typedef struct ray_list {
     tsuya_ray *ray;
     bool *shadow;
-    size_t count, room;
+    uint8_t *packet; /* rays of each call: those that go at once */
+    size_t count, packets, room;
 } ray_list;
 
-static void keep_ray(void *user, const tsuya_ray *ray, bool shadow)
+static void keep_rays(void *user, const tsuya_ray *ray, int count, bool shadow)
 {
     ray_list *list = user;
-    if (list->count == list->room) {
+    if (list->count + TSUYA_RAY_PACKET > list->room) {
         list->room = list->room ? 2 * list->room : 1 << 20;
         list->ray = tsuya_realloc(list->ray, list->room, sizeof *list->ray);
         list->shadow = tsuya_realloc(list->shadow, list->room, sizeof *list->shadow);
-        assert_true(list->ray && list->shadow);
+        list->packet = tsuya_realloc(list->packet, list->room, sizeof *list->packet);
+        assert_true(list->ray && list->shadow && list->packet);
     }
-    list->ray[list->count] = *ray;
-    list->shadow[list->count++] = shadow;
+    list->packet[list->packets++] = (uint8_t)count;
+    for (int k = 0; k < count; ++k) {
+        list->ray[list->count] = ray[k];
+        list->shadow[list->count++] = shadow;
+    }
 }
 
 /* Processor time: other work on the machine does not count. */
@@ -42,11 +47,8 @@ static double cpu_s(void)
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-/* Our primary rays go eight at a time, which the bare loop's do not; single_rays_of_bare and the scaling from one thread to two, over the bare
- * loop's own, are those of single rays in both. */
-
-/* Processor seconds a thread of the rays alone, and how many met something (so that nothing is optimised away). */
-static double trace_bare(const tsuya_ray_scene *scene, const ray_list *list, int threads, size_t *met)
+/* Processor seconds a thread of the rays alone, and how many met something (so that nothing is optimised away): one by one, ... */
+static double trace_single(const tsuya_ray_scene *scene, const ray_list *list, int threads, size_t *met)
 {
     size_t hits = 0;
     double start = cpu_s();
@@ -56,6 +58,49 @@ static double trace_bare(const tsuya_ray_scene *scene, const ray_list *list, int
         hits += list->shadow[k] ? tsuya_ray_scene_occluded(scene, &list->ray[k]) : tsuya_ray_scene_intersect(scene, &list->ray[k], &hit);
     }
     *met = hits;
+    return (cpu_s() - start) / threads;
+}
+
+static size_t trace_packet(const tsuya_ray_scene *scene, const tsuya_ray *ray, int count, bool shadow)
+{
+    tsuya_ray_hit hit[TSUYA_RAY_PACKET];
+    bool met[TSUYA_RAY_PACKET];
+    size_t hits = 0;
+    if (count == 1) {
+        return shadow ? tsuya_ray_scene_occluded(scene, ray) : tsuya_ray_scene_intersect(scene, ray, hit);
+    }
+    if (shadow) {
+        tsuya_ray_scene_occluded_packet(scene, ray, count, met);
+    } else {
+        tsuya_ray_scene_intersect_packet(scene, ray, count, hit, met);
+    }
+    for (int k = 0; k < count; ++k) {
+        hits += met[k];
+    }
+    return hits;
+}
+
+/* ... and in the packets in which the renderer traced them. */
+static double trace_packets(const tsuya_ray_scene *scene, const ray_list *list, int threads, size_t *met)
+{
+    enum { AT_ONCE = 4096 };
+    size_t hits = 0, blocks = (list->packets + AT_ONCE - 1) / AT_ONCE, *first = tsuya_calloc(blocks + 1, sizeof *first);
+    assert_non_null(first);
+    for (size_t k = 0, ray = 0; k < list->packets; ray += list->packet[k++]) {
+        if (k % AT_ONCE == 0) {
+            first[k / AT_ONCE] = ray;
+        }
+    }
+    double start = cpu_s();
+#pragma omp parallel for schedule(static, 1) num_threads(threads) reduction(+ : hits)
+    for (size_t b = 0; b < blocks; ++b) {
+        size_t ray = first[b];
+        for (size_t k = b * AT_ONCE; k < list->packets && k < (b + 1) * AT_ONCE; ray += list->packet[k++]) {
+            hits += trace_packet(scene, &list->ray[ray], list->packet[k], list->shadow[ray]);
+        }
+    }
+    *met = hits;
+    tsuya_free(first);
     return (cpu_s() - start) / threads;
 }
 
@@ -95,6 +140,20 @@ static void studio(tsuya_light_set *lights, int kind)
     }
 }
 
+typedef struct shares { double rate[PAIRS], packets[PAIRS], single[PAIRS]; } shares;
+
+/* One pair: the picture as it is rendered against the bare loop with the same packets, and with single rays in both. */
+static void measure_pair(shares *s, int pair, const tsuya_scene *scene, const tsuya_ray_scene *bare, const ray_list *list, const tsuya_light_set *lights,
+                         const tsuya_camera *camera, tsuya_pose pose, tsuya_path_options options, int threads, size_t *met)
+{
+    double mean, shaded = render_seconds(scene, lights, camera, pose, &options, threads, &mean);
+    s->rate[pair] = 1e-6 * (double)list->count / shaded;
+    s->packets[pair] = trace_packets(bare, list, threads, met) / shaded;
+    options.single_rays = true;
+    double alone = trace_single(bare, list, threads, met);
+    s->single[pair] = alone / render_seconds(scene, lights, camera, pose, &options, threads, &mean);
+}
+
 static void bench_scene(int cells, int light, const tsuya_shader *shader, const char *material)
 {
     tsuya_mesh mesh;
@@ -106,7 +165,8 @@ static void bench_scene(int cells, int light, const tsuya_shader *shader, const 
     tsuya_scene_options scene_options = tsuya_scene_options_default();
     tsuya_path_options options = tsuya_path_options_default();
     ray_list list = {0};
-    double ratio[2][PAIRS], rate[2][PAIRS], single[2][PAIRS], scaling[PAIRS], mean = 0.0;
+    shares one, two;
+    double scaling[PAIRS], mean = 0.0;
     size_t met;
     scene_options.shader = shader;
     scene_options.shader_count = 1;
@@ -116,28 +176,22 @@ static void bench_scene(int cells, int light, const tsuya_shader *shader, const 
     scene_camera(&camera, &pose, (tsuya_vec3){3, 1, 1}, (tsuya_vec3){0, 0, 0.2}, 33.0, WIDTH, HEIGHT);
     assert_ok(tsuya_scene_create(&scene, &mesh, &scene_options));
     assert_ok(tsuya_ray_scene_create(&bare, &mesh));
-    options.ray_sink = keep_ray;
+    options.ray_sink = keep_rays;
     options.ray_user = &list;
     render_seconds(scene, &lights, &camera, pose, &options, 1, &mean);
     options.ray_sink = NULL;
     for (int pair = 0; pair < PAIRS; ++pair) {
-        for (int threads = 1; threads <= 2; ++threads) {
-            double shaded = render_seconds(scene, &lights, &camera, pose, &options, threads, &mean);
-            double alone = trace_bare(bare, &list, threads, &met);
-            ratio[threads - 1][pair] = alone / shaded;
-            rate[threads - 1][pair] = 1e-6 * (double)list.count / shaded;
-            options.single_rays = true;
-            single[threads - 1][pair] = alone / render_seconds(scene, &lights, &camera, pose, &options, threads, &mean);
-            options.single_rays = false;
-        }
-        scaling[pair] = single[1][pair] / single[0][pair];
+        measure_pair(&one, pair, scene, bare, &list, &lights, &camera, pose, options, 1, &met);
+        measure_pair(&two, pair, scene, bare, &list, &lights, &camera, pose, options, 2, &met);
+        scaling[pair] = two.packets[pair] / one.packets[pair];
     }
-    printf("%zu,%s,%s,%.2f,%.3f,%.2f,%.3f,%.3f,%.3f,%.3f\n", mesh.triangle_count, light == 0 ? "point" : "studio", material,
-           median(rate[0], PAIRS), median(ratio[0], PAIRS), median(rate[1], PAIRS), median(ratio[1], PAIRS), median(single[0], PAIRS), median(scaling, PAIRS),
-           (double)met / (double)list.count);
+    double share = median(one.packets, PAIRS);
+    printf("%zu,%s,%s,%.2f,%.3f,%.3f,%.2f,%.3f,%.3f,%.3f\n", mesh.triangle_count, light == 0 ? "point" : "studio", material, median(one.rate, PAIRS), share,
+           median(one.single, PAIRS), median(two.rate, PAIRS), median(two.packets, PAIRS), median(scaling, PAIRS), (double)met / (double)list.count);
     fflush(stdout);
     tsuya_free(list.ray);
     tsuya_free(list.shadow);
+    tsuya_free(list.packet);
     tsuya_ray_scene_free(bare);
     tsuya_scene_free(scene);
     tsuya_light_set_free(&lights);
@@ -151,7 +205,7 @@ static void bench_throughput(void **state)
     tsuya_shader shader, matte = lambert(0.5);
     assert_ok(tsuya_material_default_silk(&silk));
     assert_ok(tsuya_shader_from_material(&shader, silk));
-    printf("triangles,lamp,material,mrays_per_s_1,of_bare_1,mrays_per_s_2,of_bare_2,single_rays_of_bare_1,scaling_over_bare,met_fraction\n");
+    printf("triangles,lamp,material,mrays_per_s_1,of_bare_1,single_rays_of_bare_1,mrays_per_s_2,of_bare_2,scaling_over_bare,met_fraction\n");
     for (int cells = 316; cells <= 1000; cells += 684) {
         for (int light = 0; light < 2; ++light) {
             bench_scene(cells, light, &matte, "lambert");

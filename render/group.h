@@ -1,0 +1,36 @@
+/* Lanes of a wave that are shaded together: of one shader and side, side by side; and how they reflect. */
+#ifndef TSUYA_RENDER_GROUP_H
+#define TSUYA_RENDER_GROUP_H
+
+#include "render/lamps.h"
+#include "render/scene.h"
+
+typedef struct tsuya_wave_group {
+    int lane[TSUYA_WAVE], count, padded;
+    int depth;
+    const tsuya_shader *shader;
+    const double *through; /* NULL; seen through the cloth: its transmittance */
+    tsuya_corners corners;
+    tsuya_surfaces s;
+    tsuya_planes3 back, wo, world, wi, origin; /* back: wo in the world; world: wi in the world */
+    tsuya_lamp_choice choice;
+    tsuya_lamp_samples lamp;
+    uint32_t key[TSUYA_WAVE], sample[TSUYA_WAVE];
+    _Alignas(64) float u[2][TSUYA_WAVE];
+    _Alignas(64) float chance[2][TSUYA_WAVE]; /* which lamp, which lobe */
+    _Alignas(64) float pdf[TSUYA_WAVE], starts[TSUYA_WAVE], scale[TSUYA_WAVE], share[TSUYA_WAVE];
+    float *f, *dye, *rest; /* a plane of `padded` numbers a channel */
+    tsuya_material_looks looks;
+    const tsuya_bands *spread; /* NULL: the shader's values are the path's channels; else colours, to be spread over these */
+} tsuya_wave_group;
+
+/* For the group's surfaces (g->s, g->wo, g->shader): what depends on the viewer alone.  bands NULL: r, g, b */
+void tsuya_group_look(tsuya_wave_group *group, const tsuya_scene *scene);
+/* f (as many planes as a path has channels) and pdf at group->wi. */
+void tsuya_group_eval_pdf(tsuya_wave_group *group);
+/* group->wi, from u and the second of chance; wi.z 0 where the draw ended under the surface. */
+void tsuya_group_sample(tsuya_wave_group *group);
+/* The group's light comes through thin cloth: what falls on its other side, as from a Lambert surface. */
+void tsuya_group_turn_over(tsuya_wave_group *group);
+
+#endif
