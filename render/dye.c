@@ -2,6 +2,7 @@
 
 #include "core/image.h"
 #include "core/memory.h"
+#include "core/order.h"
 #include "core/raster.h"
 
 #include "render/dye_light.h"
@@ -9,7 +10,6 @@
 #include "render/split.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 enum { SPLIT_MOST = 8, ROUNDS = 2 };
@@ -39,12 +39,6 @@ typedef struct dyeing {
 static const tsuya_view *view_of(const dyeing *d, int k) { return &d->options->model->view[d->options->view[k]]; }
 static const tsuya_camera *camera_of(const dyeing *d, int k) { return &d->options->model->camera[view_of(d, k)->camera]; }
 
-static int compare_double(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Width of a pixel on the mesh's middle. */
 static double grain_of(const dyeing *d, int k)
 {
@@ -63,7 +57,7 @@ static tsuya_status cut(dyeing *d, tsuya_dye_info *info)
     for (int k = 0; k < views; k++) {
         grain[k] = grain_of(d, k);
     }
-    qsort(grain, (size_t)views, sizeof *grain, compare_double);
+    tsuya_sort_doubles(grain, (size_t)views);
     d->edge = tsuya_mesh_mean_edge(&d->mesh);
     info->split = (int)fmin(fmax(ceil(1.25 * d->edge / grain[views / 2] - 0.25), 1.0), SPLIT_MOST);
     while (info->split > 1 && d->mesh.triangle_count * (size_t)(info->split * info->split) > TRIANGLES_MOST) {

@@ -2,9 +2,9 @@
 
 #include "core/image.h"
 #include "core/memory.h"
+#include "core/order.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 enum { PLACES_MOST = 4000, GAIN_STEPS = 48, REFINE_STEPS = 40, TURNS = 5 };
@@ -98,12 +98,6 @@ static double disagreement(const sample *s, int count, int c, double gain)
     return weight > 0.0 ? sum / weight : INFINITY;
 }
 
-static int compare_double(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Median of value / (S + B): the gain if every place were white; 0 where a channel is dark (a lamp or a dye without it): it tells no gain. */
 static double white_gain(double ratio[PLACES_MOST], const sample *s, int count, int c)
 {
@@ -115,7 +109,7 @@ static double white_gain(double ratio[PLACES_MOST], const sample *s, int count, 
             ratio[n++] = t->value[c] / light;
         }
     }
-    qsort(ratio, (size_t)n, sizeof *ratio, compare_double);
+    tsuya_sort_doubles(ratio, (size_t)n);
     return n > 0 ? ratio[n / 2] : 0.0;
 }
 
@@ -266,12 +260,6 @@ static void dye_place(const tsuya_dye_problem *p, const tsuya_dye_info *info, ui
     residual[v] = (float)sum;
 }
 
-static int compare_float(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
 static void finish(tsuya_dye_info *info, const tsuya_dye_problem *p, const uint8_t *told, float *residual)
 {
     double share[3];
@@ -287,9 +275,8 @@ static void finish(tsuya_dye_info *info, const tsuya_dye_problem *p, const uint8
             p->fine->color[3 * v + c] = (uint8_t)lroundf(255.0f * tsuya_srgb_encode(linear));
         }
     }
-    qsort(residual, seen, sizeof *residual, compare_float);
     info->seen = (double)seen / (double)count;
-    info->residual = seen > 0 ? (double)residual[seen / 2] : (double)NAN;
+    info->residual = seen > 0 ? (double)tsuya_select_float(residual, seen, seen / 2) : (double)NAN;
 }
 
 tsuya_status tsuya_dye_solve(tsuya_dye_info *info, const tsuya_dye_problem *p, const tsuya_context *context)

@@ -2,9 +2,9 @@
 
 #include "core/color.h"
 #include "core/memory.h"
+#include "core/order.h"
 
 #include <math.h>
-#include <stdlib.h>
 
 static const float half_largest = 65504.0f;
 
@@ -71,12 +71,6 @@ tsuya_status tsuya_film_save_png(const tsuya_film *film, const char *path, doubl
     return status;
 }
 
-static int compare_floats(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
 tsuya_status tsuya_film_card_exposure(double *exposure_ev, double white[3], const tsuya_film *film)
 {
     size_t pixels = (size_t)film->width_px * (size_t)film->height_px, count = 0;
@@ -94,8 +88,7 @@ tsuya_status tsuya_film_card_exposure(double *exposure_ev, double white[3], cons
             luminance[count++] = (float)tsuya_rgb_luminance_f32(rgb);
         }
     }
-    qsort(luminance, count, sizeof *luminance, compare_floats);
-    double middle = count > 0 ? luminance[(count - 1) / 2] : 0.0;
+    double middle = count > 0 ? (double)tsuya_select_float(luminance, count, (count - 1) / 2) : 0.0;
     *exposure_ev = middle > 0.0 ? -log2(middle) : 0.0;
     double y = tsuya_rgb_luminance(sum);
     for (int c = 0; c < 3; ++c) {

@@ -6,8 +6,9 @@
 #include "render/scene.h"
 
 typedef struct tsuya_wave_group {
-    int lane[TSUYA_WAVE], count, padded;
+    int path[TSUYA_LANES], count, padded; /* path: which of the wave's */
     int depth;
+    tsuya_ray_hit hit[TSUYA_LANES];
     const tsuya_shader *shader;
     const double *through; /* NULL; seen through the cloth: its transmittance */
     tsuya_corners corners;
@@ -15,10 +16,11 @@ typedef struct tsuya_wave_group {
     tsuya_planes3 back, wo, world, wi, origin; /* back: wo in the world; world: wi in the world */
     tsuya_lamp_choice choice;
     tsuya_lamp_samples lamp;
-    uint32_t key[TSUYA_WAVE], sample[TSUYA_WAVE];
-    _Alignas(64) float u[2][TSUYA_WAVE];
-    _Alignas(64) float chance[2][TSUYA_WAVE]; /* which lamp, which lobe */
-    _Alignas(64) float pdf[TSUYA_WAVE], starts[TSUYA_WAVE], scale[TSUYA_WAVE], share[TSUYA_WAVE];
+    tsuya_lamp_rays rays;
+    uint32_t key[TSUYA_LANES], sample[TSUYA_LANES];
+    _Alignas(64) float u[2][TSUYA_LANES];
+    _Alignas(64) float chance[2][TSUYA_LANES]; /* which lamp, which lobe */
+    _Alignas(64) float pdf[TSUYA_LANES], starts[TSUYA_LANES], scale[TSUYA_LANES], share[TSUYA_LANES];
     float *f, *dye, *rest; /* a plane of `padded` numbers a channel */
     tsuya_material_looks looks;
     const tsuya_bands *spread; /* NULL: the shader's values are the path's channels; else colours, to be spread over these */

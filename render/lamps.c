@@ -118,7 +118,7 @@ offer(tsuya_lamp_choice *restrict c, int lamp, const float *restrict weight, con
 
 void tsuya_lamps_choose(const tsuya_lamps *lamps, int count, const tsuya_planes3 *p, const tsuya_planes3 *n, const float *u, tsuya_lamp_choice *choice)
 {
-    _Alignas(64) float weight[LAMPS_AT_ONCE + 1][TSUYA_WAVE], before[TSUYA_WAVE] = {0};
+    _Alignas(64) float weight[LAMPS_AT_ONCE + 1][TSUYA_LANES], before[TSUYA_LANES] = {0};
     const int lamps_count = lamps->set->count;
     for (int k = 0; k < count; ++k) {
         choice->lamp[k] = -1;
@@ -141,7 +141,7 @@ void tsuya_lamps_choose(const tsuya_lamps *lamps, int count, const tsuya_planes3
 /* --- what arrives --- */
 
 /* Each lane's lamp as planes. */
-typedef struct picked { tsuya_planes3 position, direction, side, up; float area[TSUYA_WAVE], round[TSUYA_WAVE], placed[TSUYA_WAVE]; } picked;
+typedef struct picked { tsuya_planes3 position, direction, side, up; float area[TSUYA_LANES], round[TSUYA_LANES], placed[TSUYA_LANES]; } picked;
 
 static void put3(tsuya_planes3 *to, int k, const float from[3])
 {
@@ -232,52 +232,82 @@ void tsuya_lamps_sample(const tsuya_lamps *lamps, int count, const tsuya_planes3
 
 /* --- what a ray runs into --- */
 
+/* Density with which the lamp is sampled from where the ray starts; 0 where the ray misses it, or something is nearer. */
 TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
-hit_area(const tsuya_lamp *l, int count, const tsuya_planes3 *restrict origin, const tsuya_planes3 *restrict direction, tsuya_lamp_hits *restrict hits)
+meet_area(const tsuya_lamp *l, int count, const tsuya_lamp_rays *restrict r, float *restrict pdf)
 {
     const vec position = vec_of(l->position), axis = vec_of(l->direction), side = vec_of(l->side), up = vec_of(l->up);
-    const float width = tsuya_dot_f32(side, side), height = tsuya_dot_f32(up, up), area = l->area;
-    const bool round = l->round > 0.0f;
+    const float width = 0.5f * tsuya_dot_f32(side, side), height = 0.5f * tsuya_dot_f32(up, up), per_area = 1.0f / l->area;
+    const float radius = l->round > 0.0f ? width : INFINITY;
 #pragma omp simd
     for (int k = 0; k < count; ++k) {
-        vec w = tsuya_lane(direction, k), to_lamp = tsuya_sub_f32(position, tsuya_lane(origin, k));
-        float cosine = -tsuya_dot_f32(w, axis), t = -tsuya_dot_f32(to_lamp, axis) / (cosine > 0.0f ? cosine : 1.0f);
+        vec w = tsuya_lane(&r->direction, k), to_lamp = tsuya_sub_f32(position, tsuya_lane(&r->from, k));
+        float cosine = -tsuya_dot_f32(w, axis), per_cosine = 1.0f / cosine, t = -tsuya_dot_f32(to_lamp, axis) * per_cosine;
         vec d = tsuya_sub_f32(tsuya_scale_f32(w, t), to_lamp);
-        float a = tsuya_dot_f32(d, side) / width, b = tsuya_dot_f32(d, up) / height; /* in [−½, ½] */
-        float most = fabsf(a) > fabsf(b) ? fabsf(a) : fabsf(b);
-        bool inside = round ? a * a + b * b <= 0.25f : most <= 0.5f;
-        hits->distance[k] = t;
-        hits->pdf[k] = inside & (cosine > 0.0f) & (t > 0.0f) ? t * t / (cosine * area) : 0.0f;
+        float a = fabsf(tsuya_dot_f32(d, side)), b = fabsf(tsuya_dot_f32(d, up));
+        float density = t * t * per_cosine * per_area;
+        density = (a <= width) & (b <= height) & (a * a + b * b <= radius * radius) ? density : 0.0f;
+        pdf[k] = (cosine > 0.0f) & (t > 0.0f) & (t <= r->reach[k]) ? density : 0.0f;
     }
 }
 
 TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
-hit_sky(int count, const tsuya_planes3 *restrict n, const tsuya_planes3 *restrict direction, tsuya_lamp_hits *restrict hits)
+meet_sky(int count, const tsuya_lamp_rays *restrict r, float *restrict pdf)
 {
 #pragma omp simd
     for (int k = 0; k < count; ++k) {
-        float cosine = tsuya_dot_f32(tsuya_lane(n, k), tsuya_lane(direction, k));
-        hits->distance[k] = INFINITY;
-        hits->pdf[k] = cosine > 0.0f ? cosine * inverse_pi : 0.0f;
+        float cosine = tsuya_dot_f32(tsuya_lane(&r->n, k), tsuya_lane(&r->direction, k));
+        pdf[k] = (r->reach[k] == INFINITY) & (cosine > 0.0f) ? cosine * inverse_pi : 0.0f;
     }
 }
 
-void tsuya_lamps_hit(const tsuya_lamps *lamps, int lamp, int count, const tsuya_planes3 *origin, const tsuya_planes3 *n, const tsuya_planes3 *direction,
-                     tsuya_lamp_hits *hits)
+static void meet_map(const tsuya_light *light, int count, const tsuya_lamp_rays *r, float *pdf)
+{
+    for (int k = 0; k < count; ++k) {
+        pdf[k] = r->reach[k] == INFINITY ? (float)tsuya_environment_pdf(light->map, tsuya_planes3_at(&r->direction, k)) : 0.0f;
+    }
+}
+
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static bool
+any_positive(const float *restrict pdf, int count)
+{
+    int any = 0;
+    for (int k = 0; k < count; ++k) {
+        any |= pdf[k] > 0.0f;
+    }
+    return any != 0;
+}
+
+/* Power heuristic of the directions' densities against the lamp's. */
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
+balance(float *restrict share, const float *restrict weight, const tsuya_lamp_rays *restrict r, int count)
+{
+#pragma omp simd
+    for (int k = 0; k < count; ++k) {
+        float sum = r->weights[k], lamp = share[k] * weight[k] / (sum > 0.0f ? sum : 1.0f), ratio = lamp / r->pdf[k];
+        share[k] = share[k] > 0.0f ? 1.0f / (1.0f + (sum > 0.0f ? ratio * ratio : 0.0f)) : 0.0f;
+    }
+}
+
+bool tsuya_lamps_meet(const tsuya_lamps *lamps, int lamp, int count, const tsuya_lamp_rays *r, float *share)
 {
     const tsuya_light *light = &lamps->set->light[lamp];
-    if (light->kind == TSUYA_LIGHT_DISK || light->kind == TSUYA_LIGHT_RECT) {
-        hit_area(&lamps->lamp[lamp], count, origin, direction, hits);
-        return;
+    if (light->kind != TSUYA_LIGHT_ENVIRONMENT) {
+        meet_area(&lamps->lamp[lamp], count, r, share);
+    } else if (light->map) {
+        meet_map(light, count, r, share);
+    } else {
+        meet_sky(count, r, share);
     }
-    if (light->kind == TSUYA_LIGHT_ENVIRONMENT && !light->map) {
-        hit_sky(count, n, direction, hits);
-        return;
+    bool any = any_positive(share, count);
+    if (any && !r->first && r->shared) {
+        float weight[TSUYA_LANES];
+        weigh(lamps, lamp, count, &r->from, &r->n, weight);
+        balance(share, weight, r, count);
+    } else if (any) {
+        for (int k = 0; k < count; ++k) {
+            share[k] = share[k] > 0.0f ? 1.0f : 0.0f;
+        }
     }
-    for (int k = 0; k < count; ++k) {
-        double distance = INFINITY, rgb[3], pdf = 0.0;
-        bool met = tsuya_light_hit(light, tsuya_planes3_at(origin, k), tsuya_planes3_at(n, k), tsuya_planes3_at(direction, k), &distance, rgb, &pdf);
-        hits->distance[k] = (float)distance;
-        hits->pdf[k] = met ? (float)pdf : 0.0f;
-    }
+    return any;
 }

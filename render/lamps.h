@@ -25,23 +25,29 @@ void tsuya_lamps_free(tsuya_lamps *lamps);
 
 /* One lamp for each lane, with a probability in proportion to its weight (tsuya_light_weight). */
 typedef struct tsuya_lamp_choice {
-    int lamp[TSUYA_WAVE]; /* −1: none can shine here */
-    float probability[TSUYA_WAVE], sum[TSUYA_WAVE]; /* sum of all weights */
+    int lamp[TSUYA_LANES]; /* −1: none can shine here */
+    float probability[TSUYA_LANES], sum[TSUYA_LANES]; /* sum of all weights */
 } tsuya_lamp_choice;
 void tsuya_lamps_choose(const tsuya_lamps *lamps, int count, const tsuya_planes3 *p, const tsuya_planes3 *n, const float *u, tsuya_lamp_choice *choice);
 
 /* Light that arrives from the lamps chosen. */
 typedef struct tsuya_lamp_samples {
     tsuya_planes3 wi;          /* unit, to the lamp */
-    float distance[TSUYA_WAVE]; /* INFINITY for directional and environment */
-    float rgb[3][TSUYA_WAVE], pdf[TSUYA_WAVE], delta[TSUYA_WAVE]; /* as in tsuya_light_sample; pdf 0: nothing arrives */
+    float distance[TSUYA_LANES]; /* INFINITY for directional and environment */
+    float rgb[3][TSUYA_LANES], pdf[TSUYA_LANES], delta[TSUYA_LANES]; /* as in tsuya_light_sample; pdf 0: nothing arrives */
 } tsuya_lamp_samples;
 void tsuya_lamps_sample(const tsuya_lamps *lamps, int count, const tsuya_planes3 *p, const tsuya_planes3 *n, const tsuya_lamp_choice *choice,
                         const float *const u[2], tsuya_lamp_samples *samples);
 
-/* tsuya_light_hit of one lamp for rays from `origin`; pdf 0 where the ray misses it. */
-typedef struct tsuya_lamp_hits { float distance[TSUYA_WAVE], pdf[TSUYA_WAVE]; } tsuya_lamp_hits;
-void tsuya_lamps_hit(const tsuya_lamps *lamps, int lamp, int count, const tsuya_planes3 *origin, const tsuya_planes3 *n, const tsuya_planes3 *direction,
-                     tsuya_lamp_hits *hits);
+/* Rays that may run into a lamp on their way. */
+typedef struct tsuya_lamp_rays {
+    tsuya_planes3 from, n, direction; /* n: normal where they start (tsuya_light_hit) */
+    float reach[TSUYA_LANES];          /* to what they met; INFINITY: nothing */
+    bool first;                       /* from the camera; else, with `shared`, a lamp counts as it must beside its own samples: */
+    bool shared;
+    float pdf[TSUYA_LANES], weights[TSUYA_LANES]; /* of the direction; the sum of weights of all lamps where it started */
+} tsuya_lamp_rays;
+/* Share of the lamp's radiance that each ray brings, 0 where it misses the lamp; false: all do. */
+bool tsuya_lamps_meet(const tsuya_lamps *lamps, int lamp, int count, const tsuya_lamp_rays *rays, float *share);
 
 #endif

@@ -1,17 +1,19 @@
 #include "render/path.h"
 
+#include "core/clones.h"
 #include "core/color.h"
 #include "core/memory.h"
+#include "core/order.h"
 
+#include "render/noise.h"
 #include "render/trace.h"
 
 #include <math.h>
 #include <omp.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
-enum { TILE_PX = 16, BLOCK = 4, EMPTY_SPP = BLOCK, AROUND = 3, SIDE = 2 * AROUND + 1 };
+enum { TILE_PX = 16 };
 
 /* Stream of the rays that look for the cloth, apart from every pixel's own. */
 static const uint64_t FINDER = 0x66696e646572;
@@ -19,39 +21,6 @@ static const uint64_t FINDER = 0x66696e646572;
 tsuya_path_options tsuya_path_options_default(void)
 {
     return (tsuya_path_options){.spp = 64, .bounces = 4, .lamps_visible = true, .strategy = TSUYA_STRATEGY_MIS};
-}
-
-/* Running sums of a pixel, enough to go on with it later. */
-typedef struct pixel_sum {
-    double rgb[3], mean, spread; /* Welford's mean and sum of squares of the luminance */
-    double block, block_mean, block_spread; /* the same of the means of BLOCK samples that stratify each other */
-    double met_sum;              /* of the luminance of samples that met the cloth */
-    uint32_t samples, met;
-} pixel_sum;
-
-static void add_to_block(pixel_sum *sum, double luminance)
-{
-    sum->block += luminance / BLOCK;
-    if (sum->samples % BLOCK == 0) {
-        double d = sum->block - sum->block_mean;
-        sum->block_mean += d / (sum->samples / BLOCK);
-        sum->block_spread += d * (sum->block - sum->block_mean);
-        sum->block = 0.0;
-    }
-}
-
-static void add_sample(pixel_sum *sum, const double rgb[3], bool met)
-{
-    double luminance = tsuya_rgb_luminance(rgb), d = luminance - sum->mean;
-    sum->samples++;
-    sum->mean += d / sum->samples;
-    sum->spread += d * (luminance - sum->mean);
-    sum->met += met;
-    sum->met_sum += met ? luminance : 0.0;
-    add_to_block(sum, luminance);
-    for (int c = 0; c < 3; ++c) {
-        sum->rgb[c] += rgb[c];
-    }
 }
 
 typedef struct picture {
@@ -62,9 +31,8 @@ typedef struct picture {
     bool plain; /* the lens does not bend: rays run along base + x right + y down, in the world */
     tsuya_vec3 base, right, down;
     uint64_t seed;
-    pixel_sum *sum;
-    uint32_t *target; /* samples that each pixel shall have */
-    uint8_t *cloth;   /* at or near the cloth; NULL: not looked for */
+    tsuya_pixel_sum *sum;
+    tsuya_noise_plan plan; /* target is always there, the rest where noise is asked for */
     /* For the progress: of the tiles that are done in this pass. */
     double noise_sum;
     size_t noise_pixels;
@@ -95,120 +63,92 @@ static void straighten(picture *p)
     p->base = tsuya_mat3_apply_transposed(r, (tsuya_vec3){-c->cx_px / c->fx_px, -c->cy_px / c->fy_px, 1.0});
 }
 
-/* Samples of one pixel that go as a bundle; behind those that have a lane, `blank` ones that the lens cannot invert. */
-typedef struct bundle { size_t pixel; int count, blank; } bundle;
-
 /* What one thread has on its way. */
 typedef struct traffic {
     tsuya_wave *wave;
-    bundle bundle[TSUYA_WAVE]; /* of the wave, in order */
-    int bundles;
+    struct { int x, y; } pixel[TSUYA_WAVE]; /* of each path */
     uint64_t rays;
 } traffic;
 
-/* Puts the next samples of a pixel on the wave. */
-static void start_bundle(const picture *p, traffic *t, size_t pixel, tsuya_sampler first, int wanted)
+/* Directions through x + u, y + v where the lens does not bend. */
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
+plain_rays(const picture *p, int count, const float *restrict x, const float *restrict y, const float *restrict u, const float *restrict v,
+           tsuya_planes3 *restrict direction)
 {
-    const int width = p->camera->width_px, x = (int)(pixel % (size_t)width), y = (int)(pixel / (size_t)width);
-    uint32_t key[TSUYA_WAVE_VECTOR], sample[TSUYA_WAVE_VECTOR];
-    float u[2][TSUYA_WAVE_VECTOR];
-    tsuya_wave *w = t->wave;
-    bundle *b = &t->bundle[t->bundles];
-    for (uint32_t k = 0; k < TSUYA_WAVE_VECTOR; ++k) {
-        key[k] = first.key;
-        sample[k] = first.sample + k;
+    const tsuya_vec3 base = p->base, right = p->right, down = p->down;
+#pragma omp simd
+    for (int k = 0; k < count; ++k) {
+        double i = (double)x[k] - 0.5 + (double)u[k], j = (double)y[k] - 0.5 + (double)v[k];
+        double a = base.x + i * right.x + j * down.x, b = base.y + i * right.y + j * down.y, c = base.z + i * right.z + j * down.z;
+        double scale = 1.0 / sqrt(a * a + b * b + c * c);
+        direction->x[k] = (float)(a * scale);
+        direction->y[k] = (float)(b * scale);
+        direction->z[k] = (float)(c * scale);
     }
-    tsuya_sampler_pairs(key, sample, TSUYA_WAVE_VECTOR, TSUYA_PAIR_PIXEL, u[0], u[1]);
-    *b = (bundle){.pixel = pixel};
-    for (int k = 0; k < wanted; ++k) {
-        tsuya_vec3 direction;
-        if (!camera_ray(p, x - 0.5 + (double)u[0][k], y - 0.5 + (double)u[1][k], &direction)) {
-            b->blank++;
-            continue;
-        }
-        const int lane = w->count++;
-        w->key[lane] = key[k];
-        w->sample[lane] = sample[k];
-        w->bundle[lane] = (uint8_t)t->bundles;
-        tsuya_planes3_set(&w->origin, lane, p->eye);
-        tsuya_planes3_set(&w->direction, lane, direction);
-        b->count++;
-    }
-    t->bundles++;
 }
 
-/* Traces the wave, and gives the pixels what their samples found. */
+/* The camera's rays of some paths. */
+static void aim(const picture *p, traffic *t, int from, int count)
+{
+    _Alignas(64) float x[TSUYA_LANES], y[TSUYA_LANES], u[TSUYA_LANES], v[TSUYA_LANES];
+    uint32_t key[TSUYA_LANES], sample[TSUYA_LANES];
+    const int padded = tsuya_lanes_padded(count);
+    tsuya_planes3 direction;
+    for (int k = 0; k < padded; ++k) {
+        int i = from + (k < count ? k : 0);
+        key[k] = t->wave->walker[i].key;
+        sample[k] = t->wave->walker[i].sample;
+        x[k] = (float)t->pixel[i].x;
+        y[k] = (float)t->pixel[i].y;
+    }
+    tsuya_sampler_pairs(key, sample, padded, TSUYA_PAIR_PIXEL, u, v);
+    if (p->plain) {
+        plain_rays(p, padded, x, y, u, v, &direction);
+    }
+    for (int k = 0; k < count; ++k) {
+        tsuya_walker *w = &t->wave->walker[from + k];
+        tsuya_vec3 bent = {0, 0, 1};
+        w->blank = !p->plain && !camera_ray(p, (double)x[k] - 0.5 + (double)u[k], (double)y[k] - 0.5 + (double)v[k], &bent);
+        tsuya_vec3f d = p->plain ? tsuya_lane(&direction, k) : (tsuya_vec3f){(float)bent.x, (float)bent.y, (float)bent.z};
+        w->ray = (tsuya_ray){{(float)p->eye.x, (float)p->eye.y, (float)p->eye.z}, {d.x, d.y, d.z}, 0.0f, INFINITY};
+    }
+}
+
+/* Traces the wave, and gives the pixels what their samples found; samples that the lens cannot invert are black. */
 static void land(const picture *p, traffic *t)
 {
-    const double black[3] = {0, 0, 0};
-    const tsuya_wave *w = t->wave;
-    int lane = 0;
-    t->rays += tsuya_trace(&p->tracer, t->wave);
-    for (int k = 0; k < t->bundles; ++k) {
-        pixel_sum *sum = &p->sum[t->bundle[k].pixel];
-        for (int i = 0; i < t->bundle[k].count; ++i, ++lane) {
-            add_sample(sum, (const double[3]){w->rgb[0][lane], w->rgb[1][lane], w->rgb[2][lane]}, w->met[lane]);
-        }
-        for (int i = 0; i < t->bundle[k].blank; ++i) {
-            add_sample(sum, black, false);
-        }
+    for (int k = 0; k < t->wave->count; k += TSUYA_LANES) {
+        aim(p, t, k, t->wave->count - k < TSUYA_LANES ? t->wave->count - k : TSUYA_LANES);
     }
-    t->wave->count = t->bundles = 0;
+    t->rays += tsuya_trace(&p->tracer, t->wave);
+    for (int k = 0; k < t->wave->count; ++k) {
+        const tsuya_walker *w = &t->wave->walker[k];
+        const double rgb[3] = {(double)w->rgb[0], (double)w->rgb[1], (double)w->rgb[2]};
+        tsuya_pixel_add(&p->sum[(size_t)t->pixel[k].y * (size_t)p->camera->width_px + (size_t)t->pixel[k].x], rgb, w->met);
+    }
+    t->wave->count = 0;
 }
 
-/* Brings a pixel to its target, once the wave has landed. */
-static void start_pixel(const picture *p, traffic *t, size_t pixel)
+/* Brings a pixel to its target, once the wave has landed; its samples go in bundles. */
+static void start_pixel(const picture *p, traffic *t, int x, int y)
 {
+    const size_t pixel = (size_t)y * (size_t)p->camera->width_px + (size_t)x;
+    tsuya_wave *w = t->wave;
     tsuya_sampler next = tsuya_sampler_start(p->seed, pixel, p->sum[pixel].samples);
-    while (next.sample < p->target[pixel]) {
-        uint32_t wanted = p->target[pixel] - next.sample;
-        wanted = wanted < TSUYA_RAY_PACKET ? wanted : TSUYA_RAY_PACKET;
-        if (t->wave->count + TSUYA_RAY_PACKET > TSUYA_WAVE || t->bundles == TSUYA_WAVE) {
+    while (next.sample < p->plan.target[pixel]) {
+        if (w->count + TSUYA_RAY_PACKET > TSUYA_WAVE) {
             land(p, t);
         }
-        start_bundle(p, t, pixel, next, (int)wanted);
-        next.sample += wanted;
+        uint8_t bundle = w->count > 0 ? (uint8_t)(w->walker[w->count - 1].bundle + 1) : 0;
+        for (int k = 0; k < TSUYA_RAY_PACKET && next.sample < p->plan.target[pixel]; ++k, ++next.sample) {
+            t->pixel[w->count].x = x;
+            t->pixel[w->count].y = y;
+            w->walker[w->count].key = next.key;
+            w->walker[w->count].sample = next.sample;
+            w->walker[w->count++].bundle = bundle;
+        }
     }
 }
-
-/* Variance of a mean of n samples, a/n + b/n^1.5: what chance decides, and edges of all kinds, whose stratified samples err
- * by the strata that the edge crosses alone (Mitchell, "Consequences of stratified sampling in graphics", SIGGRAPH 1996). */
-typedef struct variance_law { double a, b; } variance_law;
-
-static double variance_of_mean(variance_law law, double n) { return law.a / n + law.b / (n * sqrt(n)); }
-
-/* From the variance of samples, that of means of BLOCK of them, and the part of the former that the cloth's outline makes. */
-static variance_law law_from(double of_samples, double of_blocks, double of_outline)
-{
-    const double edge = 1.0 - 1.0 / sqrt(BLOCK);
-    double b = fmin(fmax((of_samples - BLOCK * of_blocks) / edge, of_outline), of_samples);
-    return (variance_law){of_samples - b, b};
-}
-
-/* Variance that samples would have if cloth and background each were one grey. */
-static double outline_variance(const pixel_sum *s)
-{
-    if (s->met == 0 || s->met == s->samples) {
-        return 0.0;
-    }
-    double share = (double)s->met / s->samples, cloth = s->met_sum / s->met;
-    double background = (s->mean * s->samples - s->met_sum) / (s->samples - s->met);
-    return share * (1.0 - share) * (cloth - background) * (cloth - background);
-}
-
-static variance_law own_law(const pixel_sum *s)
-{
-    double n = s->samples, blocks = floor(n / BLOCK), of_samples = n > 1.0 ? s->spread / (n - 1.0) : 0.0;
-    return law_from(of_samples, blocks > 1.0 ? s->block_spread / (blocks - 1.0) : of_samples / BLOCK, outline_variance(s));
-}
-
-/* Standard error of the mean's luminance. */
-static double standard_error(const pixel_sum *s)
-{
-    return s->samples > 1 ? sqrt(variance_of_mean(own_law(s), s->samples)) : 0.0;
-}
-
-static double relative_error(const pixel_sum *s) { return s->mean > 0.0 ? standard_error(s) / s->mean : 0.0; }
 
 typedef struct tile { int x0, y0, x1, y1; } tile;
 
@@ -234,9 +174,9 @@ static void tell_progress(picture *p, tile t, double done, const tsuya_context *
     char text[48];
     for (int y = t.y0; y < t.y1; ++y) {
         for (int x = t.x0; x < t.x1; ++x) {
-            const pixel_sum *s = &p->sum[(size_t)y * (size_t)p->camera->width_px + (size_t)x];
+            const tsuya_pixel_sum *s = &p->sum[(size_t)y * (size_t)p->camera->width_px + (size_t)x];
             if (s->met == s->samples && s->samples > 1) {
-                sum += relative_error(s);
+                sum += tsuya_pixel_relative_error(s);
                 ++pixels;
             }
         }
@@ -273,7 +213,7 @@ static void render_tile(const picture *p, traffic *t, tile at)
 {
     for (int y = at.y0; y < at.y1; ++y) {
         for (int x = at.x0; x < at.x1; ++x) {
-            start_pixel(p, t, (size_t)y * (size_t)p->camera->width_px + (size_t)x);
+            start_pixel(p, t, x, y);
         }
     }
     land(p, t);
@@ -327,139 +267,21 @@ static bool finds_cloth(const picture *p, int x, int y)
     return tsuya_scene_intersect(p->tracer.scene, &ray, &hit);
 }
 
-/* Marks the pixels within AROUND of one whose ray met the cloth, and plans their pilots. */
-static uint64_t find_cloth(picture *p, int spp, const tsuya_context *context)
+/* Marks the pixels whose rays meet the cloth, and plans all pilots. */
+static uint64_t find_cloth(picture *p, const tsuya_context *context)
 {
     int width = p->camera->width_px, height = p->camera->height_px;
 #pragma omp parallel for schedule(dynamic, 8) num_threads(context->threads)
     for (int y = 0; y < height; ++y) {
         for (int x = 0; x < width; ++x) {
-            p->cloth[(size_t)y * (size_t)width + (size_t)x] = finds_cloth(p, x, y) ? 2 : 0;
+            p->plan.cloth[(size_t)y * (size_t)width + (size_t)x] = finds_cloth(p, x, y) ? 2 : 0;
         }
     }
-    for (int y = 0; y < height; ++y) {
-        for (int x = 0; x < width; ++x) {
-            uint8_t *here = &p->cloth[(size_t)y * (size_t)width + (size_t)x];
-            for (int k = 0; k < SIDE * SIDE && *here == 0; ++k) {
-                int i = x + k % SIDE - AROUND, j = y + k / SIDE - AROUND;
-                *here = i >= 0 && i < width && j >= 0 && j < height && p->cloth[(size_t)j * (size_t)width + (size_t)i] == 2;
-            }
-            int pilot = *here ? TSUYA_PATH_PILOT_SPP : EMPTY_SPP;
-            p->target[(size_t)y * (size_t)width + (size_t)x] = (uint32_t)(pilot < spp ? pilot : spp);
-        }
-    }
+    tsuya_noise_plan_pilots(&p->plan, TSUYA_PATH_PILOT_SPP);
     return (uint64_t)width * (uint64_t)height;
 }
 
-typedef struct around { variance_law law; double level; } around;
-
-static around look_around(const picture *p, int x, int y)
-{
-    double of_samples = 0.0, of_blocks = 0.0, of_outline = 0.0, blocks = 0.0, level = 0.0;
-    int count = 0;
-    for (int k = 0; k < SIDE * SIDE; ++k) {
-        int i = x + k % SIDE - AROUND, j = y + k / SIDE - AROUND;
-        if (k != SIDE * SIDE / 2 && i >= 0 && i < p->camera->width_px && j >= 0 && j < p->camera->height_px) {
-            const pixel_sum *s = &p->sum[(size_t)j * (size_t)p->camera->width_px + (size_t)i];
-            of_samples += s->spread / (s->samples - 1);
-            of_blocks += s->block_spread;
-            of_outline += outline_variance(s);
-            blocks += (s->samples / BLOCK) - 1;
-            level += s->mean;
-            count++;
-        }
-    }
-    count = count > 0 ? count : 1;
-    of_samples /= count;
-    return (around){law_from(of_samples, blocks > 0.0 ? of_blocks / blocks : of_samples / BLOCK, of_outline / count), level / count};
-}
-
-/* Error aimed at: E times the level; where that is darker than the cloth's mean, as photon noise of a photograph has it that
- * reaches E at the mean, down to a tenth of the mean. */
-static double aimed_error(double noise, double level, double cloth)
-{
-    return noise * fmax(fmax(level, sqrt(fmax(level * cloth, 0.0))), 0.1 * cloth);
-}
-
-/* What a pixel has ahead of it: how its error falls, and the error aimed at. */
-typedef struct prospect {
-    float a, b, aim;
-} prospect;
-
-/* Samples until the error is `factor` times the one aimed at. */
-static double samples_wanted(const prospect *f, double factor)
-{
-    double square = pow(factor * f->aim, 2.0);
-    return square > 0.0 ? f->a / square + cbrt(pow(f->b / square, 2.0)) : 0.0;
-}
-
-static uint32_t samples_planned(const picture *p, size_t k, const prospect *f, double factor)
-{
-    return (uint32_t)fmin(fmax(BLOCK * ceil(samples_wanted(f, factor) / BLOCK), p->target[k]), p->tracer.options->spp);
-}
-
-/* From what is around each pixel; its own values have no part in it. */
-static void look_ahead(prospect *ahead, const picture *p, const tsuya_context *context)
-{
-    int width = p->camera->width_px, height = p->camera->height_px;
-    double sum = 0.0, pixels = 0.0, noise = p->tracer.options->noise;
-    for (size_t k = 0; k < (size_t)width * (size_t)height; ++k) {
-        sum += p->cloth[k] ? p->sum[k].mean : 0.0;
-        pixels += p->cloth[k] ? 1.0 : 0.0;
-    }
-#pragma omp parallel for schedule(static) num_threads(context->threads)
-    for (int y = 0; y < height; ++y) {
-        for (int x = 0; x < width; ++x) {
-            size_t k = (size_t)y * (size_t)width + (size_t)x;
-            around a = look_around(p, x, y);
-            double own = p->cloth[k] ? 1.0 : 0.0, rest = pixels - own;
-            double cloth = rest > 0.0 ? (sum - own * p->sum[k].mean) / rest : 0.0;
-            ahead[k] = (prospect){(float)a.law.a, (float)a.law.b, (float)aimed_error(noise, a.level, cloth)};
-        }
-    }
-}
-
-/* Whether half of the pixels with `parity` that show cloth would be within the noise asked for, by their own pilots. */
-static bool enough(const picture *p, const prospect *ahead, double factor, size_t parity)
-{
-    size_t width = (size_t)p->camera->width_px, pixels = width * (size_t)p->camera->height_px, within = 0, all = 0;
-    for (size_t k = 0; k < pixels; ++k) {
-        if (p->cloth[k] == 2 && ((k % width + k / width) & 1) == parity) {
-            double n = samples_planned(p, k, &ahead[k], factor);
-            ++all;
-            within += variance_of_mean(own_law(&p->sum[k]), n) <= pow(p->tracer.options->noise * p->sum[k].mean, 2.0);
-        }
-    }
-    return 2 * within >= all;
-}
-
-/* Samples that each pixel needs.  Errors may be larger than aimed at, by one factor for the whole picture, as long as half of the
- * cloth is within the noise asked for. */
-static tsuya_status plan_samples(const picture *p, const tsuya_context *context)
-{
-    static const double leniency[] = {3.0, 2.5, 2.0, 1.75, 1.5, 1.25, 1.0};
-    size_t width = (size_t)p->camera->width_px, pixels = width * (size_t)p->camera->height_px;
-    double factor[2] = {1.0, 1.0};
-    tsuya_status status = TSUYA_OK;
-    prospect *ahead = NULL;
-    TSUYA_NEW(status, ahead, pixels);
-    look_ahead(ahead, p, context);
-    for (size_t parity = 0; parity < 2; ++parity) { /* each half follows the other */
-        int k = 0;
-        while (leniency[k] > 1.0 && !enough(p, ahead, leniency[k], parity)) {
-            ++k;
-        }
-        factor[1 - parity] = leniency[k];
-    }
-    for (size_t k = 0; k < pixels; ++k) {
-        p->target[k] = samples_planned(p, k, &ahead[k], factor[(k % width + k / width) & 1]);
-    }
-done:
-    tsuya_free(ahead);
-    return status;
-}
-
-static void fill_film(tsuya_film *film, tsuya_path_info *info, const pixel_sum *sum)
+static void fill_film(tsuya_film *film, tsuya_path_info *info, const tsuya_pixel_sum *sum)
 {
     size_t pixels = (size_t)film->width_px * (size_t)film->height_px;
     uint64_t samples = 0;
@@ -469,20 +291,14 @@ static void fill_film(tsuya_film *film, tsuya_path_info *info, const pixel_sum *
             film->rgb[3 * k + c] = (float)(sum[k].rgb[c] / n);
         }
         film->alpha[k] = (float)(sum[k].met / n);
-        film->error[k] = (float)standard_error(&sum[k]);
+        film->error[k] = (float)tsuya_pixel_error(&sum[k]);
         film->samples[k] = sum[k].samples;
         samples += sum[k].samples;
     }
     info->spp_mean = (double)samples / (double)pixels;
 }
 
-static int compare_floats(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
-static tsuya_status measure_noise(double *median, const tsuya_film *film, const pixel_sum *sum)
+static tsuya_status measure_noise(double *median, const tsuya_film *film, const tsuya_pixel_sum *sum)
 {
     size_t pixels = (size_t)film->width_px * (size_t)film->height_px, count = 0;
     float *relative = tsuya_calloc(pixels, sizeof *relative);
@@ -491,11 +307,10 @@ static tsuya_status measure_noise(double *median, const tsuya_film *film, const 
     }
     for (size_t k = 0; k < pixels; ++k) {
         if (film->alpha[k] > 0.99f && sum[k].mean > 0.0) {
-            relative[count++] = (float)relative_error(&sum[k]);
+            relative[count++] = (float)tsuya_pixel_relative_error(&sum[k]);
         }
     }
-    qsort(relative, count, sizeof *relative, compare_floats);
-    *median = count > 0 ? relative[count / 2] : 0.0;
+    *median = count > 0 ? (double)tsuya_select_float(relative, count, count / 2) : 0.0;
     tsuya_free(relative);
     return TSUYA_OK;
 }
@@ -517,20 +332,20 @@ static tsuya_status check(const tsuya_camera *camera, const tsuya_path_options *
 static tsuya_status render_all(picture *p, size_t pixels, uint64_t *rays, const tsuya_context *context)
 {
     const tsuya_path_options *o = p->tracer.options;
-    if (!(o->noise > 0.0 && o->spp > EMPTY_SPP)) {
+    if (!(o->noise > 0.0 && o->spp > TSUYA_NOISE_BLOCK)) {
         for (size_t k = 0; k < pixels; ++k) {
-            p->target[k] = (uint32_t)o->spp;
+            p->plan.target[k] = (uint32_t)o->spp;
         }
         return render_tiles(p, context, 0.0, 1.0, rays);
     }
     tsuya_status status = TSUYA_OK;
-    TSUYA_NEW(status, p->cloth, pixels);
-    *rays += find_cloth(p, o->spp, context);
+    TSUYA_NEW(status, p->plan.cloth, pixels);
+    *rays += find_cloth(p, context);
     TSUYA_GOTO_DONE(status, render_tiles(p, context, 0.0, 0.2, rays));
-    TSUYA_GOTO_DONE(status, plan_samples(p, context));
+    TSUYA_GOTO_DONE(status, tsuya_noise_plan_samples(&p->plan));
     TSUYA_GOTO_DONE(status, render_tiles(p, context, 0.2, 1.0, rays));
 done:
-    tsuya_free(p->cloth);
+    tsuya_free(p->plan.cloth);
     return status;
 }
 
@@ -557,20 +372,22 @@ tsuya_status tsuya_path_render(tsuya_film *film, tsuya_path_info *info, const ts
     TSUYA_TRY(check(camera, options));
     TSUYA_TRY(tsuya_tracer_create(&p.tracer, scene, lights, options));
     straighten(&p);
+    p.plan = (tsuya_noise_plan){camera->width_px, camera->height_px, context->threads, options->noise, options->spp, NULL, NULL, NULL};
     size_t pixels = (size_t)camera->width_px * (size_t)camera->height_px;
     TSUYA_NEW(status, film->rgb, 3 * pixels);
     TSUYA_NEW(status, film->alpha, pixels);
     TSUYA_NEW(status, film->error, pixels);
     TSUYA_NEW(status, film->samples, pixels);
     TSUYA_NEW(status, p.sum, pixels);
-    TSUYA_NEW(status, p.target, pixels);
+    TSUYA_NEW(status, p.plan.target, pixels);
+    p.plan.sum = p.sum;
     TSUYA_GOTO_DONE(status, render_all(&p, pixels, &info->rays, context));
     fill_film(film, info, p.sum);
     TSUYA_GOTO_DONE(status, measure_noise(&info->noise_median, film, p.sum));
     info->seconds = tsuya_clock_s() - start;
 done:
     tsuya_free(p.sum);
-    tsuya_free(p.target);
+    tsuya_free(p.plan.target);
     tsuya_tracer_free(&p.tracer);
     if (status != TSUYA_OK) {
         tsuya_film_free(film);

@@ -62,10 +62,10 @@ static bool look_along(place *p, const drawing *d, tsuya_vec3 eye, tsuya_vec3 di
         return false;
     }
     tsuya_vec3 back = tsuya_vec3_scale(direction, -1.0);
-    for (int k = 0; k < tsuya_wave_padded(1); ++k) {
+    for (int k = 0; k < tsuya_lanes_padded(1); ++k) {
         tsuya_planes3_set(&wo, k, back);
     }
-    tsuya_scene_surfaces(d->scene, &hit, (const int[1]){0}, 1, &wo, d->shader, &corners, &s);
+    tsuya_scene_surfaces(d->scene, &hit, 1, &wo, d->shader, &corners, &s);
     tsuya_vec3 x = tsuya_planes3_at(&s.x, 0), y = tsuya_planes3_at(&s.y, 0);
     double angle = s.has_weft[0] > 0.0f ? 0.0 : 2.0 * M_PI * turn, c = cos(angle), k = sin(angle);
     *p = (place){.x = tsuya_vec3_mad(tsuya_vec3_scale(x, c), k, y), .y = tsuya_vec3_mad(tsuya_vec3_scale(y, c), -k, x), .n = tsuya_planes3_at(&s.n, 0), .has_dye = s.dyed};

@@ -224,22 +224,16 @@ void tsuya_scene_bounds(const tsuya_scene *scene, tsuya_vec3 *low, tsuya_vec3 *h
     *high = scene->high;
 }
 
-void tsuya_scene_prefetch_triangles(const tsuya_scene *scene, const tsuya_ray_hit *hit, const bool *met, int count)
+void tsuya_scene_prefetch_triangle(const tsuya_scene *scene, const tsuya_ray_hit *hit)
 {
-    for (int k = 0; k < count; ++k) {
-        if (met[k]) {
-            __builtin_prefetch(scene->triangle + 3 * (size_t)hit[k].triangle);
-            __builtin_prefetch(scene->triangle + 3 * (size_t)hit[k].triangle + 2);
-        }
-    }
+    __builtin_prefetch(scene->triangle + 3 * (size_t)hit->triangle);
+    __builtin_prefetch(scene->triangle + 3 * (size_t)hit->triangle + 2);
 }
 
-void tsuya_scene_prefetch_vertices(const tsuya_scene *scene, const tsuya_ray_hit *hit, const bool *met, const int *which, int count)
+void tsuya_scene_prefetch_vertices(const tsuya_scene *scene, const tsuya_ray_hit *hit)
 {
-    for (int k = 0; k < count; ++k) {
-        for (int c = 0; met[which[k]] && c < 3; ++c) {
-            __builtin_prefetch(&scene->vertex[scene->triangle[3 * (size_t)hit[which[k]].triangle + (size_t)c]]);
-        }
+    for (size_t c = 0; c < 3; ++c) {
+        __builtin_prefetch(&scene->vertex[scene->triangle[3 * (size_t)hit->triangle + c]]);
     }
 }
 
@@ -261,14 +255,14 @@ static void take_dye(tsuya_corners *c, int corner, int k, const scene_vertex *v)
     }
 }
 
-void tsuya_scene_surfaces(const tsuya_scene *scene, const tsuya_ray_hit *hit, const int *which, int count, const tsuya_planes3 *wo,
-                          const tsuya_shader *shader, tsuya_corners *room, tsuya_surfaces *s)
+void tsuya_scene_surfaces(const tsuya_scene *scene, const tsuya_ray_hit *hit, int count, const tsuya_planes3 *wo, const tsuya_shader *shader,
+                          tsuya_corners *room, tsuya_surfaces *s)
 {
-    s->count = tsuya_wave_padded(count);
+    s->count = tsuya_lanes_padded(count);
     s->bias = (float)scene->bias;
     s->dyed = scene->dye != TSUYA_DYE_OF_MATERIAL;
     for (int k = 0; k < s->count; ++k) {
-        const tsuya_ray_hit *h = &hit[which[k < count ? k : 0]];
+        const tsuya_ray_hit *h = &hit[k < count ? k : 0];
         const uint32_t *index = scene->triangle + 3 * (size_t)h->triangle;
         room->u[k] = h->u;
         room->v[k] = h->v;

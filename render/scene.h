@@ -73,14 +73,14 @@ void tsuya_scene_set_shader(tsuya_scene *scene, int index, const tsuya_shader *s
 const tsuya_bands *tsuya_scene_bands(const tsuya_scene *scene);
 /* The one dye's spectrum; NULL: surfaces have dyes of their own. */
 const double *tsuya_scene_dye_of_bands(const tsuya_scene *scene);
-/* Ask the memory for what tsuya_scene_surfaces will want at these hits (those that `met`): first the one, then the other. */
-void tsuya_scene_prefetch_triangles(const tsuya_scene *scene, const tsuya_ray_hit *hit, const bool *met, int count);
-void tsuya_scene_prefetch_vertices(const tsuya_scene *scene, const tsuya_ray_hit *hit, const bool *met, const int *which, int count);
+/* Ask the memory for what tsuya_scene_surfaces will want at a hit: first the one, then the other. */
+void tsuya_scene_prefetch_triangle(const tsuya_scene *scene, const tsuya_ray_hit *hit);
+void tsuya_scene_prefetch_vertices(const tsuya_scene *scene, const tsuya_ray_hit *hit);
 /* How the cloth reflects where it was hit. */
 const tsuya_shader *tsuya_scene_shader_at(const tsuya_scene *scene, const tsuya_ray_hit *hit);
-/* The hits hit[which[0]], hit[which[1]], …, count ≤ TSUYA_WAVE of them, with one shader; wo unit, padded as s will be. */
-void tsuya_scene_surfaces(const tsuya_scene *scene, const tsuya_ray_hit *hit, const int *which, int count, const tsuya_planes3 *wo,
-                          const tsuya_shader *shader, tsuya_corners *room, tsuya_surfaces *s);
+/* count ≤ TSUYA_LANES hits of one shader; wo unit, padded as s will be. */
+void tsuya_scene_surfaces(const tsuya_scene *scene, const tsuya_ray_hit *hit, int count, const tsuya_planes3 *wo, const tsuya_shader *shader,
+                          tsuya_corners *room, tsuya_surfaces *s);
 /* Lower and upper corner of what rays can hit; low > high when empty. */
 void tsuya_scene_bounds(const tsuya_scene *scene, tsuya_vec3 *low, tsuya_vec3 *high);
 

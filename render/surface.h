@@ -15,19 +15,19 @@
 /* What a hit's corners say, before it is put together. */
 typedef struct tsuya_corners {
     tsuya_planes3 position[3], normal[3], weft[3]; /* weft 0: none */
-    float dye[3][3][TSUYA_WAVE];                   /* [corner][r g b] */
-    float u[TSUYA_WAVE], v[TSUYA_WAVE];            /* point = (1 − u − v) a + u b + v c */
+    float dye[3][3][TSUYA_LANES];                   /* [corner][r g b] */
+    float u[TSUYA_LANES], v[TSUYA_LANES];            /* point = (1 − u − v) a + u b + v c */
 } tsuya_corners;
 
 typedef struct tsuya_surfaces {
-    int count;             /* padded: tsuya_wave_padded */
+    int count;             /* padded: tsuya_lanes_padded */
     tsuya_planes3 p;       /* on the triangle */
     tsuya_planes3 lift;    /* from there to the smooth surface */
     tsuya_planes3 ng;      /* triangle's normal on the viewer's side */
     tsuya_planes3 x, y, n; /* shading frame: weft, warp, normal; n·wo > 0 */
-    float has_weft[TSUYA_WAVE]; /* 0: x, y are any tangents */
+    float has_weft[TSUYA_LANES]; /* 0: x, y are any tangents */
     bool dyed;                  /* else the material's own dye */
-    float dye[3 * TSUYA_WAVE];  /* dye[c * count + k] */
+    float dye[3 * TSUYA_LANES];  /* dye[c * count + k] */
     float bias;                 /* distance that a float ray needs to clear the surface it leaves */
 } tsuya_surfaces;
 

@@ -7,7 +7,6 @@
 #include "core/memory.h"
 
 #include <math.h>
-#include <string.h>
 
 typedef tsuya_vec3f vec;
 
@@ -62,17 +61,17 @@ tsuya_status tsuya_wave_create(tsuya_wave **wave, const tsuya_tracer *t)
 {
     tsuya_status status = TSUYA_OK;
     char *block;
-    const size_t planes = (size_t)channels_of(t) * TSUYA_WAVE, aligned = _Alignof(whole_wave);
+    const size_t channels = (size_t)channels_of(t), aligned = _Alignof(whole_wave);
     *wave = NULL;
     TSUYA_NEW(status, block, sizeof(whole_wave) + aligned);
     whole_wave *w = (whole_wave *)(block + (aligned - (uintptr_t)block % aligned) % aligned);
     w->wave.block = block;
     w->wave.group = &w->group;
     *wave = &w->wave;
-    TSUYA_NEW(status, w->wave.throughput, planes);
-    TSUYA_NEW(status, w->group.f, planes);
-    TSUYA_NEW(status, w->group.dye, planes);
-    TSUYA_NEW(status, w->group.rest, planes);
+    TSUYA_NEW(status, w->wave.throughput, channels * TSUYA_WAVE);
+    TSUYA_NEW(status, w->group.f, channels * TSUYA_LANES);
+    TSUYA_NEW(status, w->group.dye, channels * TSUYA_LANES);
+    TSUYA_NEW(status, w->group.rest, channels * TSUYA_LANES);
     return TSUYA_OK;
 done:
     tsuya_wave_free(*wave);
@@ -100,17 +99,11 @@ static double dot(const double *a, const double *b, int count)
     return sum;
 }
 
-/* Adds what the picture gets of a lamp's light, `sent` as colour, when `kept` of each channel arrives. */
-static void receive(const tsuya_tracer *t, int lamp, const double sent[3], const double *kept, double scale, double rgb[3])
+/* Adds what the picture gets of a lamp's light, `sent` as colour and with the lamp's own response where it has one, when `kept` of each
+ * band arrives. */
+static void receive_bands(const tsuya_bands *b, const double *own, const double sent[3], const double *kept, double scale, double rgb[3])
 {
-    const tsuya_bands *b = t->bands;
-    if (!b) {
-        for (int c = 0; c < 3; ++c) {
-            rgb[c] += kept[c] * sent[c] * scale;
-        }
-        return;
-    }
-    const double *own = t->response[lamp], level = tsuya_rgb_luminance(sent);
+    double level = tsuya_rgb_luminance(sent);
     for (int c = 0; c < 3; ++c) {
         rgb[c] += scale * (own ? level * dot(own + c * b->count, kept, b->count)
                                : sent[0] * dot(b->response[0][c], kept, b->count) + sent[1] * dot(b->response[1][c], kept, b->count) +
@@ -118,17 +111,22 @@ static void receive(const tsuya_tracer *t, int lamp, const double sent[3], const
     }
 }
 
-/* The same for a lane's planes, `stride` apart. */
-static void receive_lane(const tsuya_tracer *t, int lane, int lamp, const double sent[3], const float *kept, int stride, double scale,
-                         float to[3][TSUYA_WAVE])
+/* The same, also without bands; `kept`'s channels are `stride` apart. */
+static void receive(const tsuya_tracer *t, int lamp, const float sent[3], const float *kept, int stride, float scale, float rgb[3])
 {
-    double all[TSUYA_MATERIAL_MAX_CHANNELS], rgb[3] = {0, 0, 0};
-    for (int c = 0; c < channels_of(t); ++c) {
-        all[c] = kept[c * stride];
+    double all[TSUYA_MATERIAL_MAX_CHANNELS], sum[3] = {0, 0, 0};
+    if (!t->bands) {
+        for (int c = 0; c < 3; ++c) {
+            rgb[c] += kept[c * stride] * sent[c] * scale;
+        }
+        return;
     }
-    receive(t, lamp, sent, all, scale, rgb);
+    for (int c = 0; c < t->bands->count; ++c) {
+        all[c] = (double)kept[c * stride];
+    }
+    receive_bands(t->bands, t->response[lamp], (const double[3]){(double)sent[0], (double)sent[1], (double)sent[2]}, all, (double)scale, sum);
     for (int c = 0; c < 3; ++c) {
-        to[c][lane] += (float)rgb[c];
+        rgb[c] += (float)sum[c];
     }
 }
 
@@ -143,7 +141,7 @@ static tsuya_ray make_ray(tsuya_vec3f origin, tsuya_vec3f direction, float far)
 static int packet_at(const tsuya_tracer *t, const tsuya_wave *w, const int *list, int first, int count, bool bundled)
 {
     int size = 1;
-    while (bundled && first + size < count && w->bundle[list[first + size]] == w->bundle[list[first]]) {
+    while (bundled && first + size < count && w->walker[list[first + size]].bundle == w->walker[list[first]].bundle) {
         ++size;
     }
     return size > 2 && !t->options->single_rays ? size : 1;
@@ -156,52 +154,60 @@ static void report_rays(const tsuya_tracer *t, const tsuya_ray *ray, int count, 
     }
 }
 
-/* Every living lane's ray: struck, hit. */
-static void intersect_all(const tsuya_tracer *t, tsuya_wave *w, bool bundled)
+static void intersect_one(const tsuya_tracer *t, tsuya_walker *w)
 {
-    for (int k = 0, size; k < w->alive_count; k += size) {
-        tsuya_ray ray[TSUYA_RAY_PACKET];
-        tsuya_ray_hit hit[TSUYA_RAY_PACKET];
-        bool struck[TSUYA_RAY_PACKET];
-        size = packet_at(t, w, w->alive, k, w->alive_count, bundled);
-        for (int i = 0; i < size; ++i) {
-            ray[i] = make_ray(tsuya_lane(&w->origin, w->alive[k + i]), tsuya_lane(&w->direction, w->alive[k + i]), INFINITY);
-        }
-        report_rays(t, ray, size, false);
-        if (size > 1) {
-            tsuya_scene_intersect_packet(t->scene, ray, size, hit, struck);
-        } else {
-            struck[0] = tsuya_scene_intersect(t->scene, ray, hit);
-        }
-        tsuya_scene_prefetch_triangles(t->scene, hit, struck, size);
-        for (int i = 0; i < size; ++i) {
-            w->struck[w->alive[k + i]] = struck[i];
-            w->hit[w->alive[k + i]] = hit[i];
-        }
+    report_rays(t, &w->ray, 1, false);
+    w->struck = tsuya_scene_intersect(t->scene, &w->ray, &w->hit);
+}
+
+static void intersect_packet(const tsuya_tracer *t, tsuya_wave *w, const int *list, int size)
+{
+    tsuya_ray ray[TSUYA_RAY_PACKET];
+    tsuya_ray_hit hit[TSUYA_RAY_PACKET];
+    bool struck[TSUYA_RAY_PACKET];
+    for (int i = 0; i < TSUYA_RAY_PACKET; ++i) {
+        ray[i] = w->walker[list[i < size ? i : 0]].ray;
+    }
+    report_rays(t, ray, size, false);
+    tsuya_scene_intersect_packet(t->scene, ray, size, hit, struck);
+    for (int i = 0; i < size; ++i) {
+        w->walker[list[i]].struck = struck[i];
+        w->walker[list[i]].hit = hit[i];
     }
 }
 
-/* Lanes that are marked, in order. */
-static int list_marked(int list[TSUYA_WAVE], const bool *marked, int count)
+/* Every living walker's ray: struck, hit. */
+static void intersect_all(const tsuya_tracer *t, tsuya_wave *w, bool bundled)
 {
-    int found = 0;
-    for (int k = 0; k < count; ++k) {
-        list[found] = k;
-        found += marked[k];
+    for (int k = 0, size; k < w->alive_count; k += size) {
+        size = packet_at(t, w, w->alive, k, w->alive_count, bundled);
+        if (size > 1) {
+            intersect_packet(t, w, w->alive + k, size);
+        } else {
+            intersect_one(t, &w->walker[w->alive[k]]);
+        }
+        for (int i = k; i < k + size; ++i) {
+            if (w->walker[w->alive[i]].struck) {
+                tsuya_scene_prefetch_triangle(t->scene, &w->walker[w->alive[i]].hit);
+            }
+        }
     }
-    return found;
 }
 
 /* Adds the lamps that are seen. Returns the number of shadow rays. */
 static int occlude_all(const tsuya_tracer *t, tsuya_wave *w, bool bundled)
 {
-    int list[TSUYA_WAVE], count = list_marked(list, w->lit, w->count);
+    int list[TSUYA_WAVE], count = 0;
+    for (int k = 0; k < w->alive_count; ++k) {
+        list[count] = w->alive[k];
+        count += w->walker[w->alive[k]].lit;
+    }
     for (int k = 0, size; k < count; k += size) {
         tsuya_ray ray[TSUYA_RAY_PACKET];
         bool hidden[TSUYA_RAY_PACKET];
         size = packet_at(t, w, list, k, count, bundled);
         for (int i = 0; i < size; ++i) {
-            ray[i] = w->shadow[list[k + i]];
+            ray[i] = w->walker[list[k + i]].shadow;
         }
         report_rays(t, ray, size, true);
         if (size > 1) {
@@ -210,61 +216,68 @@ static int occlude_all(const tsuya_tracer *t, tsuya_wave *w, bool bundled)
             hidden[0] = tsuya_scene_occluded(t->scene, ray);
         }
         for (int i = 0; i < size; ++i) {
+            tsuya_walker *one = &w->walker[list[k + i]];
             for (int c = 0; c < 3 && !hidden[i]; ++c) {
-                w->rgb[c][list[k + i]] += w->lamp[c][list[k + i]];
+                one->rgb[c] += one->lamp[c];
             }
         }
     }
     return count;
 }
 
-/* --- strategies --- */
+/* --- lamps that rays run into --- */
 
-static float power_heuristic(float a, float b)
+/* What the lamps' loops need of some walkers, side by side. */
+static void line_up(const tsuya_wave *w, const int *list, int count, tsuya_lamp_rays *r)
 {
-    float r = b / a;
-    return 1.0f / (1.0f + r * r);
-}
-
-static float direction_share(const tsuya_tracer *t, float pdf_direction, float pdf_lamp)
-{
-    return t->options->strategy == TSUYA_STRATEGY_MIS     ? power_heuristic(pdf_direction, pdf_lamp)
-           : t->options->strategy == TSUYA_STRATEGY_LAMPS ? 0.0f
-                                                          : 1.0f;
-}
-
-/* Lamps that the living lanes' rays run into before they meet the cloth; first: seen by the camera itself. */
-static void add_lamps_hit(const tsuya_tracer *t, tsuya_wave *w, bool first)
-{
-    tsuya_planes3 from, n, direction;
-    tsuya_lamp_hits hits;
-    const int count = w->alive_count, padded = tsuya_wave_padded(count);
-    for (int k = 0; k < padded; ++k) {
-        int lane = w->alive[k < count ? k : 0];
-        tsuya_set_lane(&direction, k, tsuya_lane(&w->direction, lane));
-        tsuya_set_lane(&from, k, tsuya_lane(first ? &w->origin : &w->last_p, lane));
-        tsuya_set_lane(&n, k, tsuya_lane(first ? &w->direction : &w->last_n, lane));
+    for (int k = 0; k < tsuya_lanes_padded(count); ++k) {
+        const tsuya_walker *one = &w->walker[list[k < count ? k : 0]];
+        const vec origin = {one->ray.origin[0], one->ray.origin[1], one->ray.origin[2]};
+        const vec direction = {one->ray.direction[0], one->ray.direction[1], one->ray.direction[2]};
+        r->reach[k] = one->struck ? one->hit.distance : INFINITY;
+        r->pdf[k] = one->last_pdf;
+        r->weights[k] = one->lamp_weights;
+        tsuya_set_lane(&r->direction, k, direction);
+        tsuya_set_lane(&r->from, k, r->first ? origin : one->last_p);
+        tsuya_set_lane(&r->n, k, r->first ? direction : one->last_n);
     }
-    for (int i = 0; i < t->lights->count; ++i) {
-        const tsuya_light *light = &t->lights->light[i];
-        bool sky = light->kind == TSUYA_LIGHT_ENVIRONMENT;
-        if (!(sky || light->area_m2 > 0.0) || (first && !sky && !t->options->lamps_visible)) {
+}
+
+/* One lamp on the ways of those that are lined up. */
+static void add_lamp_met(const tsuya_tracer *t, tsuya_wave *w, const int *list, int count, int lamp, const tsuya_lamp_rays *r)
+{
+    const tsuya_light *light = &t->lights->light[lamp];
+    float share[TSUYA_LANES];
+    if (!tsuya_lamps_meet(&t->lamps, lamp, tsuya_lanes_padded(count), r, share)) {
+        return;
+    }
+    for (int k = 0; k < count; ++k) {
+        if (!(share[k] > 0.0f)) {
             continue;
         }
-        tsuya_lamps_hit(&t->lamps, i, padded, &from, &n, &direction, &hits);
-        for (int k = 0; k < count; ++k) {
-            int lane = w->alive[k];
-            if (!(hits.pdf[k] > 0.0f) || (w->struck[lane] && (sky || hits.distance[k] > w->hit[lane].distance))) {
-                continue;
+        double emitted[3] = {light->rgb[0], light->rgb[1], light->rgb[2]};
+        if (light->map) {
+            tsuya_light_radiance(light, tsuya_planes3_at(&r->direction, k), emitted);
+        }
+        const float sent[3] = {(float)emitted[0], (float)emitted[1], (float)emitted[2]};
+        receive(t, lamp, sent, w->throughput + list[k] * channels_of(t), 1, share[k], w->walker[list[k]].rgb);
+    }
+}
+
+/* Lamps that the living walkers' rays run into before they meet the cloth; first: seen by the camera itself. */
+static void add_lamps_met(const tsuya_tracer *t, tsuya_wave *w, bool first)
+{
+    tsuya_lamp_rays *r = &w->group->rays;
+    r->first = first;
+    r->shared = t->options->strategy == TSUYA_STRATEGY_MIS;
+    for (int k = 0; k < w->alive_count && (first || t->options->strategy != TSUYA_STRATEGY_LAMPS); k += TSUYA_LANES) {
+        int count = w->alive_count - k < TSUYA_LANES ? w->alive_count - k : TSUYA_LANES;
+        line_up(w, w->alive + k, count, r);
+        for (int i = 0; i < t->lights->count; ++i) {
+            bool sky = t->lights->light[i].kind == TSUYA_LIGHT_ENVIRONMENT;
+            if (sky || (t->lights->light[i].area_m2 > 0.0 && (!first || t->options->lamps_visible))) {
+                add_lamp_met(t, w, w->alive + k, count, i, r);
             }
-            float share = 1.0f;
-            double emitted[3];
-            if (!first) {
-                float weight = (float)tsuya_light_weight(light, tsuya_planes3_at(&from, k), tsuya_planes3_at(&n, k)), sum = w->lamp_weights[lane];
-                share = direction_share(t, w->last_pdf[lane], sum > 0.0f ? hits.pdf[k] * weight / sum : 0.0f);
-            }
-            tsuya_light_radiance(light, tsuya_planes3_at(&direction, k), emitted);
-            receive_lane(t, lane, i, emitted, w->throughput + lane, TSUYA_WAVE, share, w->rgb);
         }
     }
 }
@@ -274,22 +287,22 @@ static void add_lamps_hit(const tsuya_tracer *t, tsuya_wave *w, bool first)
 static void take_chances(tsuya_wave_group *g, const tsuya_wave *w)
 {
     for (int k = 0; k < g->padded; ++k) {
-        int lane = g->lane[k < g->count ? k : 0];
-        g->key[k] = w->key[lane];
-        g->sample[k] = w->sample[lane];
+        const tsuya_walker *one = &w->walker[g->path[k < g->count ? k : 0]];
+        g->key[k] = one->key;
+        g->sample[k] = one->sample;
     }
     tsuya_sampler_pairs(g->key, g->sample, g->padded, pair_of(g->depth, PAIR_CHOICE), g->chance[0], g->chance[1]);
 }
 
 /* Where the weft is unknown: the frame turned by a uniform angle, which averages the reflectance over the azimuth. */
-static void turn_frames(tsuya_wave_group *g, const tsuya_wave *w)
+static void turn_frames(tsuya_wave_group *g)
 {
     for (int k = 0; k < g->count; ++k) {
         if (g->s.has_weft[k] > 0.0f) {
             continue;
         }
         double u[2];
-        tsuya_sampler_pair((tsuya_sampler){w->key[g->lane[k]], w->sample[g->lane[k]]}, pair_of(g->depth, PAIR_TURN), u);
+        tsuya_sampler_pair((tsuya_sampler){g->key[k], g->sample[k]}, pair_of(g->depth, PAIR_TURN), u);
         double angle = 2.0 * M_PI * u[0], c = cos(angle), s = sin(angle);
         tsuya_vec3 x = tsuya_planes3_at(&g->s.x, k), y = tsuya_planes3_at(&g->s.y, k);
         tsuya_planes3_set(&g->s.x, k, tsuya_vec3_mad(tsuya_vec3_scale(x, c), s, y));
@@ -310,18 +323,20 @@ weigh_lamps(tsuya_wave_group *restrict g, bool shared)
     }
 }
 
-/* The ray that decides whether a lamp's sample is seen. */
-static tsuya_ray shadow_ray(const tsuya_wave_group *g, int k)
+/* Rays that decide whether the lamps' samples are seen: from g->origin along g->world as far as g->lamp.distance. */
+TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
+aim_shadows(tsuya_wave_group *restrict g)
 {
-    vec origin = tsuya_lane(&g->origin, k), direction = tsuya_lane(&g->world, k);
-    float far = g->lamp.distance[k];
-    if (far < INFINITY) { /* the way from the surface is that from the ray's origin and a little */
-        vec d = tsuya_mad_f32(tsuya_sub_f32(tsuya_lane(&g->s.p, k), origin), far, direction);
-        float length = sqrtf(tsuya_dot_f32(d, d));
-        far = length * (1.0f - 1e-5f);
-        direction = tsuya_scale_f32(d, length > 0.0f ? 1.0f / length : 0.0f);
+#pragma omp simd
+    for (int k = 0; k < g->padded; ++k) {
+        vec direction = tsuya_lane(&g->world, k);
+        float far = g->lamp.distance[k];
+        bool near = far < INFINITY; /* the way from the surface is that from the ray's origin and a little */
+        vec d = tsuya_mad_f32(tsuya_sub_f32(tsuya_lane(&g->s.p, k), tsuya_lane(&g->origin, k)), near ? far : 1.0f, direction);
+        float length = sqrtf(tsuya_dot_f32(d, d)), scale = 1.0f / (length > 0.0f ? length : 1.0f);
+        tsuya_set_lane(&g->world, k, tsuya_choose_f32(near, tsuya_scale_f32(d, scale), direction));
+        g->lamp.distance[k] = near ? length * (1.0f - 1e-5f) : INFINITY;
     }
-    return make_ray(origin, direction, far);
 }
 
 /* Light from one lamp a lane, chosen and sampled: w->lamp, w->shadow, w->lit. */
@@ -330,7 +345,7 @@ static void prepare_lamps(const tsuya_tracer *t, tsuya_wave *w, tsuya_wave_group
     const int n = g->padded;
     tsuya_lamps_choose(&t->lamps, n, &g->s.p, &g->s.n, g->chance[0], &g->choice);
     for (int k = 0; k < g->count; ++k) {
-        w->lamp_weights[g->lane[k]] = g->choice.sum[k];
+        w->walker[g->path[k]].lamp_weights = g->choice.sum[k];
     }
     if (t->options->strategy == TSUYA_STRATEGY_BSDF) {
         return;
@@ -344,21 +359,20 @@ static void prepare_lamps(const tsuya_tracer *t, tsuya_wave *w, tsuya_wave_group
     tsuya_group_eval_pdf(g);
     weigh_lamps(g, t->options->strategy == TSUYA_STRATEGY_MIS);
     tsuya_surfaces_ray_origins(&g->s, &g->world, &g->origin, g->starts);
+    aim_shadows(g);
     for (int k = 0; k < g->count; ++k) {
-        int lane = g->lane[k];
+        tsuya_walker *one = &w->walker[g->path[k]];
+        const float *kept = w->throughput + g->path[k] * channels_of(t), sent[3] = {g->lamp.rgb[0][k], g->lamp.rgb[1][k], g->lamp.rgb[2][k]};
         if (!(g->scale[k] > 0.0f && g->starts[k] > 0.0f)) {
             continue;
         }
         for (int c = 0; c < channels_of(t); ++c) {
-            g->f[c * n + k] *= w->throughput[c * TSUYA_WAVE + lane];
+            g->f[c * n + k] *= kept[c];
         }
-        const double sent[3] = {g->lamp.rgb[0][k], g->lamp.rgb[1][k], g->lamp.rgb[2][k]};
-        w->lamp[0][lane] = w->lamp[1][lane] = w->lamp[2][lane] = 0.0f;
-        receive_lane(t, lane, g->choice.lamp[k], sent, g->f + k, n, g->scale[k], w->lamp);
-        if (w->lamp[0][lane] > 0.0f || w->lamp[1][lane] > 0.0f || w->lamp[2][lane] > 0.0f) {
-            w->shadow[lane] = shadow_ray(g, k);
-            w->lit[lane] = true;
-        }
+        one->lamp[0] = one->lamp[1] = one->lamp[2] = 0.0f;
+        receive(t, g->choice.lamp[k], sent, g->f + k, n, g->scale[k], one->lamp);
+        one->lit = one->lamp[0] > 0.0f || one->lamp[1] > 0.0f || one->lamp[2] > 0.0f;
+        one->shadow = make_ray(tsuya_lane(&g->origin, k), tsuya_lane(&g->world, k), g->lamp.distance[k]);
     }
 }
 
@@ -372,67 +386,66 @@ static void scatter(const tsuya_tracer *t, tsuya_wave *w, tsuya_wave_group *g)
     tsuya_surfaces_to_world(&g->s, &g->wi, &g->world);
     tsuya_surfaces_ray_origins(&g->s, &g->world, &g->origin, g->starts);
     for (int k = 0; k < g->count; ++k) {
-        int lane = g->lane[k];
-        float most = 0.0f, scale = g->wi.z[k] / g->pdf[k];
+        tsuya_walker *one = &w->walker[g->path[k]];
+        float *kept = w->throughput + g->path[k] * channels_of(t), most = 0.0f, scale = g->wi.z[k] / g->pdf[k];
         if (!(g->pdf[k] > 0.0f && g->wi.z[k] > 0.0f && g->starts[k] > 0.0f)) {
             continue;
         }
         for (int c = 0; c < channels_of(t); ++c) {
-            float *kept = &w->throughput[c * TSUYA_WAVE + lane];
-            *kept *= g->f[c * n + k] * scale;
-            most = *kept > most ? *kept : most;
+            kept[c] *= g->f[c * n + k] * scale;
+            most = kept[c] > most ? kept[c] : most;
         }
-        if (most > 0.0f) {
-            tsuya_set_lane(&w->direction, lane, tsuya_lane(&g->world, k));
-            tsuya_set_lane(&w->origin, lane, tsuya_lane(&g->origin, k));
-            tsuya_set_lane(&w->last_p, lane, tsuya_lane(&g->s.p, k));
-            tsuya_set_lane(&w->last_n, lane, tsuya_lane(&g->s.n, k));
-            w->last_pdf[lane] = g->pdf[k];
-            w->goes_on[lane] = true;
-        }
+        one->ray = make_ray(tsuya_lane(&g->origin, k), tsuya_lane(&g->world, k), INFINITY);
+        one->last_p = tsuya_lane(&g->s.p, k);
+        one->last_n = tsuya_lane(&g->s.n, k);
+        one->last_pdf = g->pdf[k];
+        one->goes_on = most > 0.0f;
     }
 }
 
 /* One side of a cloth that lets light through is looked at, by chance, and counts for both; true: the other side. */
-static bool choose_side(const tsuya_tracer *t, tsuya_wave *w, int lane, const tsuya_shader *shader, int depth)
+static bool choose_side(const tsuya_tracer *t, const tsuya_walker *w, float *kept, const tsuya_shader *shader, int depth)
 {
     const double *share = shader->transmittance;
-    double u[2], most = fmax(share[0], fmax(share[1], share[2])), q = most / (most + 0.5);
-    if (!(most > 0.0)) {
+    if (!(share[0] > 0.0 || share[1] > 0.0 || share[2] > 0.0)) {
         return false;
     }
-    tsuya_sampler_pair((tsuya_sampler){w->key[lane], w->sample[lane]}, pair_of(depth, PAIR_SIDE), u);
+    double u[2], most = fmax(share[0], fmax(share[1], share[2])), q = most / (most + 0.5);
+    tsuya_sampler_pair((tsuya_sampler){w->key, w->sample}, pair_of(depth, PAIR_SIDE), u);
     for (int c = 0; c < channels_of(t); ++c) {
-        w->throughput[c * TSUYA_WAVE + lane] /= (float)(u[0] < q ? q : 1.0 - q);
+        kept[c] /= (float)(u[0] < q ? q : 1.0 - q);
     }
     return u[0] < q;
 }
 
 /* Paths that carry little go on rarely, and then for more.  By the root: where a dark body sends light into a narrow lobe that sees a
  * lamp, the few that go on carry most of the noise, and rays are cheap beside it. */
-static bool survives(const tsuya_tracer *t, tsuya_wave *w, int lane, int depth)
+static bool survives(const tsuya_tracer *t, const tsuya_walker *w, float *kept, int depth)
 {
     double u[2];
     float most = 0.0f;
     for (int c = 0; c < channels_of(t); ++c) {
-        most = fmaxf(most, w->throughput[c * TSUYA_WAVE + lane]);
+        most = kept[c] > most ? kept[c] : most;
     }
     float keep = most < 0.0025f ? 0.05f : most < 1.0f ? sqrtf(most) : 1.0f;
     for (int c = 0; c < channels_of(t); ++c) {
-        w->throughput[c * TSUYA_WAVE + lane] /= keep;
+        kept[c] /= keep;
     }
-    tsuya_sampler_pair((tsuya_sampler){w->key[lane], w->sample[lane]}, pair_of(depth, PAIR_TURN), u);
+    tsuya_sampler_pair((tsuya_sampler){w->key, w->sample}, pair_of(depth, PAIR_TURN), u);
     return u[1] < (double)keep;
 }
 
-/* The group's lanes at the points that their rays met: a lamp's sample, and the next ray. */
+/* The group's paths at the points that their rays met: a lamp's sample, and the next ray. */
 static void shade_group(const tsuya_tracer *t, tsuya_wave *w, tsuya_wave_group *g, bool turned)
 {
-    g->padded = tsuya_wave_padded(g->count);
+    g->padded = tsuya_lanes_padded(g->count);
     for (int k = 0; k < g->padded; ++k) {
-        tsuya_set_lane(&g->back, k, tsuya_scale_f32(tsuya_lane(&w->direction, g->lane[k < g->count ? k : 0]), -1.0f));
+        const tsuya_walker *one = &w->walker[g->path[k < g->count ? k : 0]];
+        g->hit[k] = one->hit;
+        tsuya_set_lane(&g->back, k, (vec){-one->ray.direction[0], -one->ray.direction[1], -one->ray.direction[2]});
     }
-    tsuya_scene_surfaces(t->scene, w->hit, g->lane, g->count, &g->back, g->shader, &g->corners, &g->s);
+    tsuya_scene_surfaces(t->scene, g->hit, g->count, &g->back, g->shader, &g->corners, &g->s);
+    take_chances(g, w);
     if (t->options->card) {
         g->shader = t->options->card;
         g->s.dyed = false;
@@ -441,9 +454,8 @@ static void shade_group(const tsuya_tracer *t, tsuya_wave *w, tsuya_wave_group *
     if (turned) {
         tsuya_group_turn_over(g);
     }
-    turn_frames(g, w);
+    turn_frames(g);
     tsuya_surfaces_to_local(&g->s, &g->back, &g->wo); /* under the surface for light that comes through, which does not ask for it */
-    take_chances(g, w);
     tsuya_group_look(g, t->scene);
     prepare_lamps(t, w, g);
     /* behind the last reflection only a lamp in the way can add something */
@@ -452,69 +464,96 @@ static void shade_group(const tsuya_tracer *t, tsuya_wave *w, tsuya_wave_group *
     }
 }
 
-/* Shades every living lane that met the cloth, those of one shader and side together. */
+/* The paths in `list` that have the shader and the side of the first one are shaded; returns how many are left in it. */
+static int shade_alike(const tsuya_tracer *t, tsuya_wave *w, int *list, const tsuya_shader **shader, bool *turned, int count)
+{
+    tsuya_wave_group *g = w->group;
+    int left = 0;
+    const bool side = turned[0];
+    const tsuya_shader *own = g->shader = shader[0];
+    g->count = 0;
+    for (int k = 0; k < count; ++k) {
+        if (g->count < TSUYA_LANES && shader[k] == own && turned[k] == side) {
+            g->path[g->count++] = list[k];
+        } else {
+            list[left] = list[k];
+            shader[left] = shader[k];
+            turned[left++] = turned[k];
+        }
+    }
+    shade_group(t, w, g, side);
+    return left;
+}
+
+/* Shades every living path that met the cloth. */
 static void shade_all(const tsuya_tracer *t, tsuya_wave *w, int depth)
 {
     const tsuya_shader *shader[TSUYA_WAVE];
     bool turned[TSUYA_WAVE];
     int list[TSUYA_WAVE], count = 0;
     for (int k = 0; k < w->alive_count; ++k) {
-        int lane = w->alive[k];
+        tsuya_walker *one = &w->walker[w->alive[k]];
+        float *kept = w->throughput + w->alive[k] * channels_of(t);
+        one->lit = one->goes_on = false;
         /* at the hit, so that lamps met on the way have been counted; the first reflection always goes on */
-        if (w->struck[lane] && (depth < 2 || survives(t, w, lane, depth))) {
-            const tsuya_shader *own = tsuya_scene_shader_at(t->scene, &w->hit[lane]);
-            turned[count] = choose_side(t, w, lane, t->options->card ? t->options->card : own, depth);
-            shader[count] = own;
-            list[count++] = lane;
+        if (one->struck && (depth < 2 || survives(t, one, kept, depth))) {
+            tsuya_scene_prefetch_vertices(t->scene, &one->hit);
+            shader[count] = tsuya_scene_shader_at(t->scene, &one->hit);
+            turned[count] = choose_side(t, one, kept, t->options->card ? t->options->card : shader[count], depth);
+            list[count++] = w->alive[k];
         }
     }
-    for (int first = 0; first < count; ++first) {
-        tsuya_wave_group *g = w->group;
-        if (!shader[first]) {
-            continue;
-        }
-        g->shader = shader[first];
-        g->depth = depth;
-        g->count = 0;
-        for (int k = first; k < count; ++k) {
-            if (shader[k] == g->shader && turned[k] == turned[first]) {
-                g->lane[g->count++] = list[k];
-                shader[k] = NULL;
-            }
-        }
-        shade_group(t, w, g, turned[first]);
+    w->group->depth = depth;
+    while (count > 0) {
+        count = shade_alike(t, w, list, shader, turned, count);
     }
+}
+
+static void start_all(const tsuya_tracer *t, tsuya_wave *w)
+{
+    w->alive_count = 0;
+    for (int k = 0; k < w->count; ++k) {
+        tsuya_walker *one = &w->walker[k];
+        one->rgb[0] = one->rgb[1] = one->rgb[2] = 0.0f;
+        one->struck = false;
+        w->alive[w->alive_count] = k;
+        w->alive_count += !one->blank;
+        for (int c = 0; c < channels_of(t); ++c) {
+            w->throughput[k * channels_of(t) + c] = 1.0f;
+        }
+    }
+}
+
+/* Walkers without a next ray leave. */
+static void go_on(tsuya_wave *w)
+{
+    int left = 0;
+    for (int k = 0; k < w->alive_count; ++k) {
+        w->alive[left] = w->alive[k];
+        left += w->walker[w->alive[k]].goes_on;
+    }
+    w->alive_count = left;
 }
 
 uint64_t tsuya_trace(const tsuya_tracer *t, tsuya_wave *w)
 {
     uint64_t rays = 0;
-    memset(w->rgb, 0, sizeof w->rgb);
-    for (int k = 0; k < w->count; ++k) {
-        w->alive[k] = k;
-        for (int c = 0; c < channels_of(t); ++c) {
-            w->throughput[c * TSUYA_WAVE + k] = 1.0f;
-        }
-    }
-    w->alive_count = w->count;
-    for (int depth = 0; w->alive_count > 0 && depth <= t->options->bounces; ++depth) {
+    start_all(t, w);
+    for (int depth = 0; w->alive_count > 0; ++depth) {
         rays += (uint64_t)w->alive_count;
         intersect_all(t, w, depth == 0);
-        if (depth == 0) {
-            memcpy(w->met, w->struck, sizeof w->met);
+        for (int k = 0; k < w->count && depth == 0; ++k) {
+            w->walker[k].met = w->walker[k].struck;
         }
         if (t->lamps.in_the_way) {
-            add_lamps_hit(t, w, depth == 0);
+            add_lamps_met(t, w, depth == 0);
         }
         if (depth == t->options->bounces) {
             break;
         }
-        memset(w->lit, 0, sizeof w->lit);
-        memset(w->goes_on, 0, sizeof w->goes_on);
-        tsuya_scene_prefetch_vertices(t->scene, w->hit, w->struck, w->alive, w->alive_count);
         shade_all(t, w, depth);
         rays += (uint64_t)occlude_all(t, w, depth == 0);
-        w->alive_count = list_marked(w->alive, w->goes_on, w->count);
+        go_on(w);
     }
     return rays;
 }

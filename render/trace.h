@@ -27,32 +27,37 @@ TSUYA_MUST_CHECK tsuya_status tsuya_tracer_create(tsuya_tracer *tracer, const ts
                                                   const tsuya_path_options *options);
 void tsuya_tracer_free(tsuya_tracer *tracer);
 
-typedef struct tsuya_wave {
-    /* By the caller, a lane a path: */
-    int count;
-    tsuya_planes3 origin, direction; /* direction unit */
-    uint32_t key[TSUYA_WAVE], sample[TSUYA_WAVE]; /* tsuya_sampler */
-    uint8_t bundle[TSUYA_WAVE]; /* number of the lane's bundle; those of one follow each other, at most TSUYA_RAY_PACKET */
+/* A path on its way. */
+typedef struct tsuya_walker {
+    /* By the caller: */
+    tsuya_ray ray;         /* from the camera */
+    uint32_t key, sample;  /* tsuya_sampler */
+    uint8_t bundle;        /* number of its bundle (modulo 256); those of one follow each other, at most TSUYA_RAY_PACKET */
+    bool blank;            /* no ray */
     /* By tsuya_trace: */
-    float rgb[3][TSUYA_WAVE];   /* radiance along it */
-    bool met[TSUYA_WAVE];       /* the first ray met the cloth */
-    /* For tsuya_trace alone: of each lane, its ray's hit, ... */
-    tsuya_ray_hit hit[TSUYA_WAVE];
-    bool struck[TSUYA_WAVE];
-    /* ... the last point of the path, as the next hit of a lamp needs it: density of the direction that left it, sum of tsuya_light_weight, ... */
-    tsuya_planes3 last_p, last_n;
-    float last_pdf[TSUYA_WAVE], lamp_weights[TSUYA_WAVE];
-    float *throughput; /* of each channel: [c * TSUYA_WAVE + lane] */
-    /* ... and what its shadow ray decides about. */
-    tsuya_ray shadow[TSUYA_WAVE];
-    float lamp[3][TSUYA_WAVE];
-    bool lit[TSUYA_WAVE], goes_on[TSUYA_WAVE];
-    int alive[TSUYA_WAVE], alive_count; /* lanes with a ray */
+    bool met;              /* the first ray met the cloth */
+    float rgb[3];          /* radiance along it */
+    /* For tsuya_trace alone: */
+    bool struck, lit, goes_on; /* its ray met the cloth; a shadow ray decides about `lamp`; it has a next ray */
+    tsuya_ray_hit hit;
+    tsuya_vec3f last_p, last_n; /* the last point, as the next hit of a lamp needs it: */
+    float last_pdf;             /* density of the direction that left it */
+    float lamp_weights;         /* sum of tsuya_light_weight there */
+    tsuya_ray shadow;
+    float lamp[3];
+} tsuya_walker;
+
+typedef struct tsuya_wave {
+    int count;
+    tsuya_walker walker[TSUYA_WAVE];
+    /* For tsuya_trace alone: */
+    float *throughput;  /* of each channel: [walker * channels + c] */
+    int alive[TSUYA_WAVE], alive_count; /* walkers with a ray */
     struct tsuya_wave_group *group;
     void *block; /* where this lies */
 } tsuya_wave;
 
-/* Some 100 kB; with wavelengths 1 kB each more. */
+/* Some 100 kB; 2 kB a wavelength more. */
 TSUYA_MUST_CHECK tsuya_status tsuya_wave_create(tsuya_wave **wave, const tsuya_tracer *tracer);
 void tsuya_wave_free(tsuya_wave *wave);
 /* Returns the number of rays. */

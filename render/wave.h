@@ -1,21 +1,22 @@
 /* Numbers of a wave of paths as planes, one lane a path, for loops that vectorise.
  *
- * Loops run over whole vectors (tsuya_wave_padded), so that a lane's result does not depend on its place: lanes behind the last hold
+ * Loops run over whole vectors (tsuya_lanes_padded), so that a lane's result does not depend on its place: lanes behind the last hold
  * copies of the first. */
 #ifndef TSUYA_RENDER_WAVE_H
 #define TSUYA_RENDER_WAVE_H
 
 #include "brdf/material.h"
 
-enum { TSUYA_WAVE = TSUYA_MATERIAL_LOOKS, TSUYA_WAVE_VECTOR = 16 };
+/* Paths of a wave; of these, lanes that are worked on at once; and those of the longest vector. */
+enum { TSUYA_WAVE = 128, TSUYA_LANES = TSUYA_MATERIAL_LOOKS, TSUYA_VECTOR = 16 };
 
 typedef struct tsuya_planes3 {
-    _Alignas(64) float x[TSUYA_WAVE];
-    _Alignas(64) float y[TSUYA_WAVE];
-    _Alignas(64) float z[TSUYA_WAVE];
+    _Alignas(64) float x[TSUYA_LANES];
+    _Alignas(64) float y[TSUYA_LANES];
+    _Alignas(64) float z[TSUYA_LANES];
 } tsuya_planes3;
 
-static inline int tsuya_wave_padded(int count) { return (count + TSUYA_WAVE_VECTOR - 1) & ~(TSUYA_WAVE_VECTOR - 1); }
+static inline int tsuya_lanes_padded(int count) { return (count + TSUYA_VECTOR - 1) & ~(TSUYA_VECTOR - 1); }
 
 static inline tsuya_vec3 tsuya_planes3_at(const tsuya_planes3 *v, int k) { return (tsuya_vec3){v->x[k], v->y[k], v->z[k]}; }
 

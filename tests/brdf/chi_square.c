@@ -23,16 +23,46 @@ static void expected_draws(double *expected, const tsuya_material *m, tsuya_vec3
     }
 }
 
+static void count_one(double *seen, tsuya_vec3 wi)
+{
+    double phi = atan2(wi.y, wi.x);
+    int j = (int)((phi < 0.0 ? phi + 2.0 * M_PI : phi) / (2.0 * M_PI) * PHI_CELLS), i = (int)(wi.z * COS_CELLS);
+    seen[(i < COS_CELLS ? i : COS_CELLS - 1) * PHI_CELLS + (j < PHI_CELLS ? j : PHI_CELLS - 1)] += 1.0;
+}
+
 static void count_draws(double *seen, const tsuya_material *m, tsuya_vec3 wo, uint64_t stream)
 {
-    memset(seen, 0, CELLS * sizeof *seen);
     for (uint64_t k = 0; k < DRAWS; ++k) {
         const double u[3] = {tsuya_random_uniform(3, stream, 3 * k), tsuya_random_uniform(3, stream, 3 * k + 1), tsuya_random_uniform(3, stream, 3 * k + 2)};
         tsuya_vec3 wi;
         if (tsuya_material_sample(m, NULL, wo, u, &wi)) {
-            double phi = atan2(wi.y, wi.x);
-            int j = (int)((phi < 0.0 ? phi + 2.0 * M_PI : phi) / (2.0 * M_PI) * PHI_CELLS), i = (int)(wi.z * COS_CELLS);
-            seen[(i < COS_CELLS ? i : COS_CELLS - 1) * PHI_CELLS + (j < PHI_CELLS ? j : PHI_CELLS - 1)] += 1.0;
+            count_one(seen, wi);
+        }
+    }
+}
+
+static void count_looks(double *seen, const tsuya_material *m, tsuya_vec3 wo, uint64_t stream)
+{
+    enum { N = TSUYA_MATERIAL_LOOKS };
+    float u[3][N], wi[3][N], o[3][N], share[N], rest[3 * N];
+    const tsuya_material_looks looks = {m, N, NULL, {o[0], o[1], o[2]}, share, rest};
+    for (int k = 0; k < N; ++k) {
+        o[0][k] = (float)wo.x;
+        o[1][k] = (float)wo.y;
+        o[2][k] = (float)wo.z;
+    }
+    tsuya_material_look(&looks);
+    for (uint64_t from = 0; from < DRAWS; from += N) {
+        for (int k = 0; k < N; ++k) {
+            for (int c = 0; c < 3; ++c) { /* 24 bits, so that none becomes 1 */
+                u[c][k] = (float)floor(0x1p24 * tsuya_random_uniform(3, stream, 3 * (from + (uint64_t)k) + (uint64_t)c)) * 0x1p-24f;
+            }
+        }
+        tsuya_material_looks_sample(&looks, (const float *const[3]){u[0], u[1], u[2]}, (float *const[3]){wi[0], wi[1], wi[2]});
+        for (int k = 0; k < N; ++k) {
+            if (wi[2][k] > 0.0f) {
+                count_one(seen, (tsuya_vec3){wi[0][k], wi[1][k], wi[2][k]});
+            }
         }
     }
 }
@@ -58,13 +88,25 @@ static double pearson(int *freedom, const double *seen, const double *expected)
 }
 
 /* Wilson–Hilferty: χ² with n degrees of freedom as a standard normal. */
-double chi_square_z(int *freedom, const tsuya_material *material, tsuya_vec3 wo, uint64_t stream)
+static double z_of(int *freedom, void (*count)(double *, const tsuya_material *, tsuya_vec3, uint64_t), const tsuya_material *material, tsuya_vec3 wo,
+                   uint64_t stream)
 {
     static double seen[CELLS], expected[CELLS];
+    memset(seen, 0, sizeof seen);
     expected_draws(expected, material, wo);
-    count_draws(seen, material, wo, stream);
+    count(seen, material, wo, stream);
     double chi2 = pearson(freedom, seen, expected), v = 2.0 / (9.0 * *freedom);
     return (cbrt(chi2 / *freedom) - (1.0 - v)) / sqrt(v);
+}
+
+double chi_square_z(int *freedom, const tsuya_material *material, tsuya_vec3 wo, uint64_t stream)
+{
+    return z_of(freedom, count_draws, material, wo, stream);
+}
+
+double chi_square_looks_z(int *freedom, const tsuya_material *material, tsuya_vec3 wo, uint64_t stream)
+{
+    return z_of(freedom, count_looks, material, wo, stream);
 }
 
 double chi_square_bar(int tests)

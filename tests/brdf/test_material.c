@@ -222,6 +222,54 @@ static void test_view(void **state)
     }
 }
 
+/* Many views at once say the same in float: values, densities, and draws that follow them. */
+static void test_looks(void **state)
+{
+    (void)state;
+    enum { N = TSUYA_MATERIAL_LOOKS };
+    float d[6][N], dye[3 * N], share[N], rest[3 * N], value[3 * N], pdf[N];
+    int beside = 0, all = 0;
+    for (int round = 0; round < 20 * MATERIALS; ++round) {
+        const tsuya_material *m = material[round % MATERIALS];
+        const bool dyed = round / MATERIALS % 2;
+        const tsuya_material_looks looks = {m, N, dyed ? dye : NULL, {d[3], d[4], d[5]}, share, rest};
+        for (int k = 0; k < N; ++k) {
+            tsuya_vec3 wi = random_direction(41, (uint64_t)(round * N + k)), wo = random_direction(42, (uint64_t)(round * N + k));
+            wi.z = k % 17 == 0 ? -wi.z : wi.z;
+            wo.z = k % 19 == 0 ? -wo.z : wo.z;
+            const double both[6] = {wi.x, wi.y, wi.z, wo.x, wo.y, wo.z};
+            for (int i = 0; i < 6; ++i) {
+                d[i][k] = (float)both[i];
+            }
+            for (int c = 0; c < 3; ++c) {
+                dye[c * N + k] = (float)(0.3 * c * tsuya_random_uniform(43, 1, (uint64_t)k));
+            }
+        }
+        tsuya_material_look(&looks);
+        tsuya_material_looks_eval_pdf(&looks, (const float *const[3]){d[0], d[1], d[2]}, value, pdf);
+        for (int k = 0; k < N; ++k) {
+            const double own[3] = {dye[k], dye[N + k], dye[2 * N + k]};
+            tsuya_vec3 wi = {d[0][k], d[1][k], d[2][k]}, wo = {d[3][k], d[4][k], d[5][k]};
+            double f[3], density = tsuya_material_eval_pdf(m, dyed ? own : NULL, wi, wo, f);
+            for (int c = 0; c < 3; ++c) {
+                assert_true(fabs(value[c * N + k] - f[c]) <= 2e-4 * fmax(f[c], 1e-2));
+            }
+            assert_true((pdf[k] > 0.0f) == (density > 0.0));
+            beside += !(fabs(pdf[k] - density) <= 1e-3 * density); /* at the edges of a table's cells either side is right */
+            ++all;
+        }
+    }
+    assert_true(beside < all / 500);
+    const int which[] = {0, 1, 2, 3, 5, 6, 7, 8, 9, 10, 11};
+    for (size_t k = 0; k < sizeof which / sizeof which[0]; ++k) {
+        int freedom;
+        double z = chi_square_looks_z(&freedom, material[which[k]], direction(20.0 + 5.0 * (double)k, 25.0 + 90.0 * (double)k), 500 + k);
+        if (!(z < chi_square_bar(11))) {
+            fail_msg("material %d: chi-square z %.2f with %d degrees of freedom", which[k], z, freedom);
+        }
+    }
+}
+
 static void check_finite(const tsuya_material *m, tsuya_vec3 wi, tsuya_vec3 wo)
 {
     double f[3], albedo[3];
@@ -408,6 +456,7 @@ int main(void)
         cmocka_unit_test(test_sampling_follows_pdf),
         cmocka_unit_test(test_batch_like_double),
         cmocka_unit_test(test_view),
+        cmocka_unit_test(test_looks),
         cmocka_unit_test(test_hard_directions),
         cmocka_unit_test(test_continuity),
         cmocka_unit_test(test_dye),

@@ -39,8 +39,29 @@ static void test_sorted(void **state)
     assert_true(tsuya_rank_of_int(i, 0, 1) == 0);
 }
 
+/* Whatever the order before: rising, falling, all alike, many twice. */
+static void test_selected(void **state)
+{
+    (void)state;
+    for (int kind = 0; kind < 4; ++kind) {
+        for (size_t count = 1; count < COUNT; count += 1 + count / 3) {
+            for (size_t place = 0; place < count; place += 1 + count / 7) {
+                float some[COUNT], sorted[COUNT];
+                for (size_t k = 0; k < count; ++k) {
+                    float many = (float)(int)(20.0 * tsuya_random_uniform(2, 1, (uint64_t)k));
+                    sorted[k] = some[k] = kind == 0 ? (float)k : kind == 1 ? -(float)k : kind == 2 ? 3.0f : many;
+                }
+                tsuya_sort_floats(sorted, count);
+                assert_true(tsuya_select_float(some, count, place) == sorted[place]);
+                tsuya_sort_floats(some, count);
+                assert_memory_equal(some, sorted, count * sizeof *some);
+            }
+        }
+    }
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_sorted)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_sorted), cmocka_unit_test(test_selected)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

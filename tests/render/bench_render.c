@@ -301,28 +301,39 @@ static void satin_under(const char *name, const tsuya_light_set *lights, tsuya_s
     tsuya_mesh_free(&mesh);
 }
 
-static void bench_satin(void **state)
+static void add_small_lamp(tsuya_light_set *lights)
 {
-    (void)state;
-    tsuya_light_set lamp = {0}, sky = {0};
-    tsuya_image image;
+    add_light(lights, (tsuya_light){.kind = TSUYA_LIGHT_RECT, .position_m = {2, -1, 2}, .direction = {-2, 1, -2}, .size_m = {0.4, 0.4}, .rgb = {30, 30, 30}});
+}
+
+/* A sky with a bright half and windows in it. */
+static void add_windows(tsuya_light_set *lights)
+{
     enum { W = 128, H = 64 };
-    add_light(&lamp, (tsuya_light){.kind = TSUYA_LIGHT_RECT, .position_m = {2, -1, 2}, .direction = {-2, 1, -2}, .size_m = {0.4, 0.4}, .rgb = {30, 30, 30}});
+    tsuya_image image;
+    tsuya_light map = {.kind = TSUYA_LIGHT_ENVIRONMENT, .rgb = {1, 1, 1}};
     assert_ok(tsuya_image_create(&image, W, H, 3, TSUYA_SAMPLE_F32, TSUYA_ENCODING_LINEAR));
-    for (int k = 0; k < W * H; ++k) { /* a bright half with windows */
+    for (int k = 0; k < W * H; ++k) {
         float *pixel = tsuya_image_f32(&image, k % W, k / W), value = k % W < W / 2 ? 1.0f : 0.2f;
         value += k / W > 18 && k / W < 26 && k % 16 < 4 ? 6.0f : 0.0f;
         pixel[0] = pixel[1] = pixel[2] = value;
     }
-    tsuya_light map = {.kind = TSUYA_LIGHT_ENVIRONMENT, .rgb = {1, 1, 1}};
     assert_ok(tsuya_environment_create(&map.map, &image, (tsuya_vec3){1, 0, 0}, (tsuya_vec3){0, 0, 1}, "map"));
-    add_light(&sky, map);
+    add_light(lights, map);
+    tsuya_image_free(&image);
+}
+
+static void bench_satin(void **state)
+{
+    (void)state;
+    tsuya_light_set lamp = {0}, sky = {0};
+    add_small_lamp(&lamp);
+    add_windows(&sky);
     printf("satin_under,strategy,rmse_own,rmse_cosine,time_of_cosine_over_own_at_equal_error,time_of_plain_cosine_sampling_over_own\n");
     for (int k = 0; k < 2; ++k) {
         satin_under("small lamp", &lamp, k ? TSUYA_STRATEGY_BSDF : TSUYA_STRATEGY_MIS);
         satin_under("environment", &sky, k ? TSUYA_STRATEGY_BSDF : TSUYA_STRATEGY_MIS);
     }
-    tsuya_image_free(&image);
     tsuya_light_set_free(&lamp);
     tsuya_light_set_free(&sky);
 }
@@ -351,62 +362,106 @@ static void write_readings(const char *path, const tsuya_material *material)
     assert_int_equal(fclose(file), 0);
 }
 
-/* The time of a material to an error of its own reference: what sampling and evaluation cost together. */
-static double cost_of(const tsuya_material *material, const tsuya_mesh *mesh, const tsuya_light_set *lights, double *rmse, double *seconds)
+/* A material on a sphere, and what a long time of rendering says of it. */
+typedef struct trial {
+    tsuya_scene *scene;
+    tsuya_film reference;
+    double rmse, seconds; /* of the last picture */
+} trial;
+
+enum { TRIAL_SIDE = 40, TRIAL_PAIRS = 15 };
+
+static tsuya_film render_trial(const trial *t, const tsuya_light_set *lights, int spp, int threads)
 {
-    enum { SIDE = 40 };
-    tsuya_shader shader;
     tsuya_camera camera;
     tsuya_pose pose;
-    tsuya_path_options options = tsuya_path_options_default();
-    double costs[PAIRS];
+    tsuya_film film;
+    tsuya_path_info info;
+    tsuya_path_options options = options_of(spp, 2);
+    tsuya_context context = tsuya_context_default();
+    context.threads = threads;
+    scene_camera(&camera, &pose, (tsuya_vec3){3, 0.5, 1}, (tsuya_vec3){0, 0, 0}, 21.0, TRIAL_SIDE, TRIAL_SIDE);
+    assert_ok(tsuya_path_render(&film, &info, t->scene, lights, &camera, pose, &options, &context));
+    return film;
+}
+
+static void start_trial(trial *t, const tsuya_material *material, const tsuya_mesh *mesh, const tsuya_light_set *lights)
+{
+    tsuya_shader shader;
+    tsuya_scene_options options = tsuya_scene_options_default();
     assert_ok(tsuya_shader_from_material(&shader, material));
-    scene_camera(&camera, &pose, (tsuya_vec3){3, 0.5, 1}, (tsuya_vec3){0, 0, 0}, 21.0, SIDE, SIDE);
-    options.bounces = 2;
-    options.spp = 8192;
-    tsuya_film reference = scene_render(mesh, &shader, lights, &camera, pose, &options, 2);
-    options.spp = 64;
-    for (int pair = 0; pair < PAIRS; ++pair) {
-        costs[pair] = cost(mesh, &shader, lights, &reference, options, rmse, seconds);
-    }
-    tsuya_film_free(&reference);
-    return median(costs, PAIRS);
+    options.shader = &shader;
+    options.shader_count = 1;
+    assert_ok(tsuya_scene_create(&t->scene, mesh, &options));
+    t->reference = render_trial(t, lights, 8192, 2);
+}
+
+static void end_trial(trial *t)
+{
+    tsuya_film_free(&t->reference);
+    tsuya_scene_free(t->scene);
+}
+
+/* Time to an error falls as the error squared: what sampling and evaluation cost together. */
+static double trial_cost(trial *t, const tsuya_light_set *lights)
+{
+    double start = cpu_s();
+    tsuya_film film = render_trial(t, lights, 64, 1);
+    t->seconds = cpu_s() - start;
+    double error = squared_error(&film, &t->reference);
+    t->rmse = sqrt(error);
+    tsuya_film_free(&film);
+    return t->seconds * error;
 }
 
 /* Fitted models against the anisotropic GGX that they were fitted to: the same roughness. */
-static void bench_fitted(void **state)
+static void fitted_under(const char *name, const tsuya_light_set *lights)
 {
-    (void)state;
-    static const char *const model[] = {"yarn", "ndf"};
+    static const char *const model[] = {"yarn", "ndf", "nurbs3"};
     const double plain[3] = {0.3, 0.3, 0.3}, dye[3] = {0.05, 0.05, 0.05};
     tsuya_context context = tsuya_context_default();
-    tsuya_light_set lamp = {0};
     tsuya_material *satin, *fitted;
     tsuya_samples samples;
     tsuya_fit_info info;
     tsuya_mesh mesh;
-    double rmse, seconds;
+    trial ggx, other;
     const char *path = test_path("readings.csv");
-    add_light(&lamp, (tsuya_light){.kind = TSUYA_LIGHT_RECT, .position_m = {2, -1, 2}, .direction = {-2, 1, -2}, .size_m = {0.4, 0.4}, .rgb = {30, 30, 30}});
     scene_sphere(&mesh, 0.5, 48, false);
     assert_ok(tsuya_material_ggx(&satin, 0.35, 0.15, plain, 1.5, dye));
     write_readings(path, satin);
-    double of_ggx = cost_of(satin, &mesh, &lamp, &rmse, &seconds);
-    printf("fitted_under_small_lamp,rmse,seconds,time_over_ggx_at_equal_error\nggx-aniso,%.5f,%.3f,1\n", rmse, seconds);
-    for (int k = 0; k < 2; ++k) {
+    start_trial(&ggx, satin, &mesh, lights);
+    for (int k = 0; k < 3; ++k) {
         const tsuya_fit_options options = {.name = "satin", .model = model[k], .tolerance = NAN};
+        double ratio[TRIAL_PAIRS];
         assert_ok(tsuya_samples_load(&samples, path));
         assert_ok(tsuya_brdf_fit(&fitted, &info, NULL, NULL, &samples, &options, &context));
-        double ratio = cost_of(fitted, &mesh, &lamp, &rmse, &seconds) / of_ggx;
-        printf("%s,%.5f,%.3f,%.2f\n", model[k], rmse, seconds, ratio);
+        start_trial(&other, fitted, &mesh, lights);
+        for (int pair = 0; pair < TRIAL_PAIRS; ++pair) {
+            ratio[pair] = trial_cost(&other, lights) / trial_cost(&ggx, lights);
+        }
+        printf("%s,%s,%.5f,%.5f,%.3f,%.3f,%.2f\n", name, model[k], ggx.rmse, other.rmse, ggx.seconds, other.seconds, median(ratio, TRIAL_PAIRS));
         fflush(stdout);
+        end_trial(&other);
         tsuya_samples_free(&samples);
         tsuya_material_free(fitted);
     }
+    end_trial(&ggx);
     tsuya_material_free(satin);
-    tsuya_light_set_free(&lamp);
     tsuya_mesh_free(&mesh);
+}
+
+static void bench_fitted(void **state)
+{
+    (void)state;
+    tsuya_light_set lamp = {0}, sky = {0};
+    add_small_lamp(&lamp);
+    add_windows(&sky);
+    printf("fitted_under,model,rmse_ggx,rmse,seconds_ggx,seconds,time_over_ggx_at_equal_error\n");
+    fitted_under("small lamp", &lamp);
+    fitted_under("environment", &sky);
     test_folder_remove();
+    tsuya_light_set_free(&lamp);
+    tsuya_light_set_free(&sky);
 }
 
 /* A garment of half a million triangles under one small lamp, one of 36 views: what 3 % of noise takes. */

@@ -3,6 +3,8 @@
 
 #include "render_scenes.h"
 
+#include "render/lamps.h"
+
 /* ∫ over directions of what a hit reports equals the mean of sample / pdf, for area lamps and skies. */
 static void test_samples_match_hits(void **state)
 {
@@ -135,11 +137,107 @@ static void test_studio(void **state)
     }
 }
 
+static bool near(double a, double b, double tolerance) { return fabs(a - b) <= tolerance * fmax(fabs(a), fabs(b)) || a == b; }
+
+static void random_places(tsuya_planes3 *p, tsuya_planes3 *n, float *u, float *v, float *w, uint64_t stream)
+{
+    for (int k = 0; k < TSUYA_LANES; ++k) {
+        double r[9];
+        for (uint64_t i = 0; i < 9; ++i) {
+            r[i] = tsuya_random_uniform(stream, i, (uint64_t)k);
+        }
+        tsuya_planes3_set(p, k, (tsuya_vec3){2 * r[0] - 1, 2 * r[1] - 1, r[2]});
+        tsuya_planes3_set(n, k, tsuya_vec3_unit((tsuya_vec3){2 * r[3] - 1, 2 * r[4] - 1, 2 * r[5] - 1}));
+        u[k] = (float)(0.999 * r[6]);
+        v[k] = (float)(0.999 * r[7]);
+        w[k] = (float)(0.999 * r[8]);
+    }
+}
+
+/* The sample of the lamp that a lane chose, and what a ray along it runs into. */
+static void check_lane(const tsuya_lamps *lamps, int k, const tsuya_planes3 *p, const tsuya_planes3 *n, const double u[2], const tsuya_lamp_choice *choice,
+                       const tsuya_lamp_samples *s)
+{
+    tsuya_light_sample one;
+    const tsuya_light *light = &lamps->set->light[choice->lamp[k]];
+    bool arrives = tsuya_light_sample_at(light, tsuya_planes3_at(p, k), tsuya_planes3_at(n, k), u, &one);
+    assert_true(arrives == (s->pdf[k] > 0.0f) || one.pdf > 1e4 /* grazing the lamp */);
+    if (!arrives || !(s->pdf[k] > 0.0f)) {
+        return;
+    }
+    assert_true(near((double)s->pdf[k], one.pdf, 1e-3) && near((double)s->distance[k], one.distance_m, 1e-5) && (s->delta[k] > 0.0f) == one.delta);
+    assert_true(tsuya_vec3_norm(tsuya_vec3_sub(tsuya_planes3_at(&s->wi, k), one.wi)) < 1e-5);
+    for (int c = 0; c < 3; ++c) {
+        assert_true(near((double)s->rgb[c][k], one.rgb[c], 1e-5));
+    }
+}
+
+/* A wave's lamps say what the lamps say one by one. */
+static void test_wave_like_one(void **state)
+{
+    (void)state;
+    tsuya_light_set set = {0};
+    tsuya_lamps lamps;
+    twenty_lamps(&set);
+    add_light(&set, (tsuya_light){.kind = TSUYA_LIGHT_POINT, .position_m = {1, -1, 2}, .rgb = {3, 2, 1}});
+    add_light(&set, (tsuya_light){.kind = TSUYA_LIGHT_SPOT, .position_m = {-1, 1, 2}, .direction = {1, -1, -2}, .cone_rad = {0.5, 1.2}, .rgb = {3, 2, 1}});
+    add_light(&set, (tsuya_light){.kind = TSUYA_LIGHT_DIRECTIONAL, .direction = {1, 1, -1}, .rgb = {1, 1, 0.5}});
+    for (int k = 0; k < 20; ++k) { /* more than are kept at once */
+        add_light(&set, (tsuya_light){.kind = TSUYA_LIGHT_POINT, .position_m = {cos(k), sin(k), 1}, .rgb = {0.1, 0.1, 0.1}});
+    }
+    assert_ok(tsuya_lamps_create(&lamps, &set));
+    assert_true(lamps.in_the_way);
+    for (uint64_t round = 0; round < 40; ++round) {
+        tsuya_planes3 p, n;
+        float u[TSUYA_LANES], v[TSUYA_LANES], w[TSUYA_LANES], share[TSUYA_LANES];
+        static tsuya_lamp_choice choice;
+        static tsuya_lamp_samples samples;
+        static tsuya_lamp_rays rays;
+        random_places(&p, &n, u, v, w, 50 + round);
+        tsuya_lamps_choose(&lamps, TSUYA_LANES, &p, &n, w, &choice);
+        tsuya_lamps_sample(&lamps, TSUYA_LANES, &p, &n, &choice, (const float *const[2]){u, v}, &samples);
+        for (int k = 0; k < TSUYA_LANES; ++k) {
+            double sum = 0.0, before = 0.0;
+            tsuya_vec3 at = tsuya_planes3_at(&p, k), normal = tsuya_planes3_at(&n, k);
+            for (int l = 0; l < set.count; ++l) {
+                double weight = tsuya_light_weight(&set.light[l], at, normal);
+                before += l < choice.lamp[k] ? weight : 0.0;
+                sum += weight;
+            }
+            double own = tsuya_light_weight(&set.light[choice.lamp[k]], at, normal);
+            assert_true(near((double)choice.sum[k], sum, 1e-5) && near((double)choice.probability[k], own / sum, 1e-4));
+            assert_true((double)w[k] * sum >= before - 1e-5 * sum && (double)w[k] * sum <= before + own + 1e-5 * sum);
+            check_lane(&lamps, k, &p, &n, (const double[2]){(double)u[k], (double)v[k]}, &choice, &samples);
+            rays.reach[k] = k % 5 == 0 ? 0.5f : INFINITY;
+            rays.pdf[k] = 0.3f;
+            rays.weights[k] = choice.sum[k];
+        }
+        rays.from = p;
+        rays.n = n;
+        rays.direction = samples.wi;
+        rays.shared = true;
+        for (int l = 0; l < 21; ++l) { /* those that have an extent */
+            bool any = tsuya_lamps_meet(&lamps, l, TSUYA_LANES, &rays, share);
+            for (int k = 0; k < TSUYA_LANES; ++k) {
+                double distance, rgb[3], pdf, expected = 0.0;
+                tsuya_vec3 at = tsuya_planes3_at(&p, k), normal = tsuya_planes3_at(&n, k), along = tsuya_planes3_at(&samples.wi, k);
+                if (tsuya_light_hit(&set.light[l], at, normal, along, &distance, rgb, &pdf) && pdf > 0.0 && distance <= (double)rays.reach[k]) {
+                    double r = pdf * tsuya_light_weight(&set.light[l], at, normal) / (double)choice.sum[k] / 0.3;
+                    expected = 1.0 / (1.0 + r * r);
+                }
+                assert_true((any || expected == 0.0) && (!any || near((double)share[k], expected, 2e-3) || pdf > 1e4));
+            }
+        }
+    }
+    tsuya_lamps_free(&lamps);
+    tsuya_light_set_free(&set);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_samples_match_hits), cmocka_unit_test(test_weights_never_lose_a_lamp), cmocka_unit_test(test_file),
-        cmocka_unit_test(test_hostile_files),      cmocka_unit_test(test_studio),
+        cmocka_unit_test(test_hostile_files),      cmocka_unit_test(test_studio),    cmocka_unit_test(test_wave_like_one),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

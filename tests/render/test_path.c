@@ -5,6 +5,8 @@
 
 #include "render_scenes.h"
 
+#include "render/trace.h"
+
 /* Radiance of a Lambert plane of reflectance 0.5 around the origin, seen at a slant, under one lamp. */
 static double plane_radiance(tsuya_light light, int spp)
 {
@@ -267,6 +269,76 @@ static void test_threads_change_nothing(void **state)
     tsuya_mesh_free(&mesh);
 }
 
+static tsuya_walker camera_walker(uint64_t pixel, uint32_t sample, uint8_t bundle)
+{
+    double u[2];
+    tsuya_sampler s = tsuya_sampler_start(5, pixel, sample);
+    tsuya_sampler_pair(s, TSUYA_PAIR_PIXEL, u);
+    tsuya_vec3 eye = {3, 1, 1}, to = {0.03 * u[0] + 0.6 * sin((double)pixel), 0.03 * u[1] + 0.6 * cos(2.0 * (double)pixel), 0.4};
+    tsuya_vec3 d = tsuya_vec3_unit(tsuya_vec3_sub(to, eye));
+    return (tsuya_walker){.ray = {{(float)eye.x, (float)eye.y, (float)eye.z}, {(float)d.x, (float)d.y, (float)d.z}, 0.0f, INFINITY}, .key = s.key, .sample = s.sample, .bundle = bundle};
+}
+
+/* What a path finds does not depend on who else is on the wave. */
+static void test_company_changes_nothing(void **state)
+{
+    (void)state;
+    enum { BUNDLE = 8, BUNDLES = TSUYA_WAVE / BUNDLE };
+    tsuya_mesh drape, mesh;
+    tsuya_light_set lights = {0};
+    tsuya_material *silk;
+    tsuya_shader shader[2] = {lambert(0.6)};
+    tsuya_scene *scene;
+    tsuya_tracer tracer;
+    tsuya_wave *all, *some;
+    tsuya_scene_options scene_options = tsuya_scene_options_default();
+    tsuya_path_options options = options_of(1, 6);
+    assert_ok(tsuya_material_default_silk(&silk));
+    assert_ok(tsuya_shader_from_material(&shader[1], silk));
+    shader[0].transmittance[0] = shader[0].transmittance[1] = shader[0].transmittance[2] = 0.2;
+    scene_drape(&drape, 40);
+    assert_ok(tsuya_mesh_create(&mesh, drape.vertex_count, drape.triangle_count, TSUYA_MESH_NORMAL | TSUYA_MESH_WEFT | TSUYA_MESH_MATERIAL));
+    memcpy(mesh.position, drape.position, 3 * mesh.vertex_count * sizeof *mesh.position);
+    memcpy(mesh.triangle, drape.triangle, 3 * mesh.triangle_count * sizeof *mesh.triangle);
+    memcpy(mesh.normal, drape.normal, 3 * mesh.vertex_count * sizeof *mesh.normal);
+    for (size_t v = 0; v < mesh.vertex_count; ++v) { /* a third without weft, every other stripe of another cloth */
+        memcpy(mesh.weft + 3 * v, drape.weft + 3 * v, v % 3 == 0 ? 0 : 3 * sizeof *mesh.weft);
+        mesh.material[v] = v / 7 % 2;
+    }
+    scene_options.shader = shader;
+    scene_options.shader_count = 2;
+    twenty_lamps(&lights);
+    assert_ok(tsuya_scene_create(&scene, &mesh, &scene_options));
+    assert_ok(tsuya_tracer_create(&tracer, scene, &lights, &options));
+    assert_ok(tsuya_wave_create(&all, &tracer));
+    assert_ok(tsuya_wave_create(&some, &tracer));
+    int met = 0;
+    for (uint32_t k = 0; k < TSUYA_WAVE; ++k) {
+        all->walker[all->count++] = camera_walker(k / BUNDLE, k % BUNDLE, (uint8_t)(k / BUNDLE));
+    }
+    tsuya_trace(&tracer, all);
+    for (uint32_t b = 0; b < BUNDLES; ++b) {
+        some->count = 0;
+        for (uint32_t k = 0; k < BUNDLE; ++k) {
+            some->walker[some->count++] = camera_walker(b, k, 3);
+        }
+        tsuya_trace(&tracer, some);
+        for (uint32_t k = 0; k < BUNDLE; ++k) {
+            assert_memory_equal(some->walker[k].rgb, all->walker[b * BUNDLE + k].rgb, sizeof some->walker[k].rgb);
+            met += some->walker[k].met && some->walker[k].rgb[1] > 0.0f;
+        }
+    }
+    assert_true(met > TSUYA_WAVE / 2);
+    tsuya_wave_free(all);
+    tsuya_wave_free(some);
+    tsuya_tracer_free(&tracer);
+    tsuya_scene_free(scene);
+    tsuya_light_set_free(&lights);
+    tsuya_material_free(silk);
+    tsuya_mesh_free(&drape);
+    tsuya_mesh_free(&mesh);
+}
+
 /* Sampling by variance: same mean as many fixed samples, more samples where they are needed. */
 static void test_adaptive_is_unbiased(void **state)
 {
@@ -467,6 +539,7 @@ int main(void)
         cmocka_unit_test(test_closed_box),
         cmocka_unit_test(test_strategies_agree),
         cmocka_unit_test(test_threads_change_nothing),
+        cmocka_unit_test(test_company_changes_nothing),
         cmocka_unit_test(test_adaptive_is_unbiased),
         cmocka_unit_test(test_no_leaks),
         cmocka_unit_test(test_terminator),

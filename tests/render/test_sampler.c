@@ -50,11 +50,35 @@ static void test_uniform_and_independent(void **state)
     assert_true(fabs(across_seeds / COUNT) < 4.0 * sigma_product && fabs(within / COUNT) < 4.0 * sigma_product);
 }
 
+/* Sixteen at a time say the same in 24 bits. */
+static void test_many(void **state)
+{
+    (void)state;
+    uint32_t key[16], sample[16];
+    float u[2][16];
+    for (uint32_t pair = 0; pair < 50; ++pair) {
+        for (uint32_t k = 0; k < 16; ++k) {
+            tsuya_sampler s = tsuya_sampler_start(4, pair + k / 3, k);
+            key[k] = s.key;
+            sample[k] = s.sample;
+        }
+        tsuya_sampler_pairs(key, sample, 16, pair, u[0], u[1]);
+        for (int k = 0; k < 16; ++k) {
+            double one[2];
+            tsuya_sampler_pair((tsuya_sampler){key[k], sample[k]}, pair, one);
+            for (int c = 0; c < 2; ++c) {
+                assert_true((double)u[c][k] == floor(one[c] * 0x1p24) * 0x1p-24);
+            }
+        }
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_net),
         cmocka_unit_test(test_uniform_and_independent),
+        cmocka_unit_test(test_many),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
