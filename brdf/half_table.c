@@ -60,6 +60,10 @@ tsuya_status tsuya_half_table_create(tsuya_half_table **table, double (*density)
     TSUYA_NEW(status, t->marginal, THETA_CELLS + 1);
     TSUYA_NEW(status, t->conditional, THETA_CELLS * (PHI_CELLS + 1));
     TSUYA_NEW(status, t->density, THETA_CELLS * PHI_CELLS);
+    TSUYA_NEW(status, t->edge, THETA_CELLS + 1);
+    for (int i = 0; i <= THETA_CELLS; ++i) {
+        t->edge[i] = (float)edge_cosine(t, i);
+    }
     fill(t, density, user);
     *table = t;
     return TSUYA_OK;
@@ -74,13 +78,14 @@ void tsuya_half_table_free(tsuya_half_table *table)
         tsuya_free(table->marginal);
         tsuya_free(table->conditional);
         tsuya_free(table->density);
+        tsuya_free(table->edge);
         tsuya_free(table);
     }
 }
 
 size_t tsuya_half_table_bytes(const tsuya_half_table *t)
 {
-    return sizeof *t + sizeof(float) * (size_t)(t->theta_cells + 1 + t->theta_cells * (2 * t->phi_cells + 1));
+    return sizeof *t + sizeof(float) * (size_t)(2 * (t->theta_cells + 1) + t->theta_cells * (2 * t->phi_cells + 1));
 }
 
 static double half_density(const tsuya_half_table *t, tsuya_vec3 h)

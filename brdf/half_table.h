@@ -10,6 +10,7 @@ typedef struct tsuya_half_table {
     float *marginal;    /* cumulative over θh, theta_cells + 1 */
     float *conditional; /* cumulative over φh of each θh, theta_cells × (phi_cells + 1) */
     float *density;     /* over h, sr⁻¹, theta_cells × phi_cells */
+    float *edge;        /* cosθh at the cells' edges, theta_cells + 1 */
 } tsuya_half_table;
 
 /* `density(user, h)` ≥ 0, up to a factor, for unit h above the surface. */
@@ -26,6 +27,10 @@ bool tsuya_half_table_sample(const tsuya_half_table *table, tsuya_vec3 wo, const
 void tsuya_half_table_shared_draws(const tsuya_half_table *table, int total, float *shared);
 void tsuya_half_table_take_draws(const tsuya_half_table *table, tsuya_vec3 wo, const float *shared, int total, int from, int count,
                                  float *const wi[3], float *weight);
+
+/* pdf and sample for many pairs (brdf/model.h). */
+void tsuya_half_table_pdf_batch(const tsuya_half_table *table, const tsuya_direction_batch *batch, float *pdf);
+void tsuya_half_table_sample_batch(const tsuya_half_table *table, int count, const float *const wo[3], const float *const u[2], float *const wi[3]);
 
 enum { TSUYA_HALF_COSINE_TENTHS = 4 }; /* share of the cosine lobe */
 

@@ -22,6 +22,18 @@ static inline float angle_from(float ratio, bool steep)
     return steep ? half_pi - p : p;
 }
 
+/* Sine and cosine of a turn's share in [0, 1]; 1e-7. */
+static inline void sine_of_turn(float turn, float *sine, float *cosine)
+{
+    int quarter = (int)(4.0f * turn + 0.5f);
+    float x = two_pi * (turn - 0.25f * (float)quarter), q = x * x;
+    float s = x * (1.0f - q * (1.6666667e-1f - q * (8.3333333e-3f - q * (1.9841270e-4f - q * 2.7557319e-6f))));
+    float c = 1.0f - q * (0.5f - q * (4.1666667e-2f - q * (1.3888889e-3f - q * 2.4801587e-5f)));
+    float odd = (float)(quarter & 1), along = c + odd * (s - c), across = s + odd * (c - s);
+    *cosine = along * (float)(1 - ((quarter + 1) & 2));
+    *sine = across * (float)(1 - (quarter & 2));
+}
+
 /* exp of x held in [−80, 80]. */
 static inline float exponential(float x)
 {

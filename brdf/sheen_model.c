@@ -44,6 +44,16 @@ static bool sample(const void *state, tsuya_vec3 wo, const double u[2], tsuya_ve
     return tsuya_half_table_sample(((const tsuya_sheen *)state)->half, wo, u, wi);
 }
 
+static void pdf_batch(const void *state, const tsuya_direction_batch *batch, float *pdf_of)
+{
+    tsuya_half_table_pdf_batch(((const tsuya_sheen *)state)->half, batch, pdf_of);
+}
+
+static void sample_batch(const void *state, int count, const float *const wo[3], const float *const u[2], float *const wi[3])
+{
+    tsuya_half_table_sample_batch(((const tsuya_sheen *)state)->half, count, wo, u, wi);
+}
+
 static void shared_draws(const void *state, int total, float *shared)
 {
     tsuya_half_table_shared_draws(((const tsuya_sheen *)state)->half, total, shared);
@@ -215,6 +225,7 @@ static size_t bytes(const void *state)
 #define SHEEN_MODEL(model_name, reader)                                                                                   \
     {                                                                                                                     \
         .name = model_name, .eval = tsuya_sheen_eval, .eval_batch = tsuya_sheen_eval_batch, .pdf = pdf, .sample = sample,  \
+        .pdf_batch = pdf_batch, .sample_batch = sample_batch,                                                              \
         .shared_draws = shared_draws, .take_draws = take_draws, .from_json = reader, .to_json = to_json,                   \
         .free_state = tsuya_sheen_free, .bytes = bytes, .clears = true, .unbounded = true,                                 \
     }
