@@ -17,6 +17,7 @@
 #include <math.h>
 
 enum { SWEEPS = 500, FEWEST_PATCHES = 10, FEWEST_NEIGHBOURS = 2 };
+static const double SHINE = 0.5;     /* of a colour that shine takes from one photograph to another */
 static const double NORMAL = 1.4826; /* standard deviation over median absolute deviation */
 
 static bool usable(const float *color)
@@ -30,24 +31,61 @@ static double light_of(const float *color, int which)
     return which == 1 ? log2((double)color[1]) : log2((double)(color[which] / color[1]));
 }
 
+/* What one patch says: the two photographs' difference, and how coloured it is in both. */
+typedef struct patch { double off, chroma; } patch;
+
+static double spread_about(const patch *p, int n, double middle, double slope, double *list)
+{
+    for (int k = 0; k < n; k++) {
+        list[k] = fabs(p[k].off - slope * p[k].chroma - middle);
+    }
+    return NORMAL * tsuya_check_median(list, n);
+}
+
+static double middle_of(const patch *p, int n, double slope, double *list)
+{
+    for (int k = 0; k < n; k++) {
+        list[k] = p[k].off - slope * p[k].chroma;
+    }
+    return tsuya_check_median(list, n);
+}
+
+/* Shine has the lamp's colour and takes from a patch's own: it moves log ratios of channels in proportion to themselves, white balance moves
+ * all of them alike.  The slope is a Bayesian's (SHINE before anything is seen): patches of one colour cannot tell it, and leave the gain as
+ * uncertain as their colour is strong. */
+static void tell_gain(double *gain, double *spread, const patch *p, int n, double *list)
+{
+    double middle = middle_of(p, n, 0.0, list), own = spread_about(p, n, middle, 0.0, list), sum[5] = {0};
+    for (int k = 0; k < n; k++) {
+        if (fabs(p[k].off - middle) <= TSUYA_CHECK_OUTLIER * own) {
+            const double term[5] = {1.0, p[k].chroma, p[k].off, p[k].chroma * p[k].chroma, p[k].chroma * p[k].off};
+            for (int i = 0; i < 5; i++) {
+                sum[i] += term[i];
+            }
+        }
+    }
+    double mean = sum[1] / sum[0], xx = sum[3] - sum[1] * mean, xy = sum[4] - sum[2] * mean, noise = fmax(own * own, 1e-6);
+    double slope = xy / (xx + noise / (SHINE * SHINE)), doubt = 1.0 / (xx / noise + 1.0 / (SHINE * SHINE));
+    *gain = middle_of(p, n, slope, list);
+    *spread = hypot(spread_about(p, n, *gain, slope, list), mean * sqrt(doubt));
+}
+
 void tsuya_check_compare_light(tsuya_check_relation *r, const tsuya_check_sight *a, const tsuya_check_sight *b, const tsuya_feature_pair *pair,
                                double *list)
 {
+    patch *p = (patch *)list; /* two numbers each; what follows is room to sort */
     for (int c = 0; c < 3; c++) {
         int n = 0;
         for (int k = 0; k < r->shared; k++) {
             const float *from = a->color + 3 * pair[k].a, *to = b->color + 3 * pair[k].b;
             if (usable(from) && usable(to)) {
-                list[n++] = light_of(from, c) - light_of(to, c);
+                double one = light_of(from, c), other = light_of(to, c);
+                p[n++] = (patch){one - other, c == 1 ? 0.0 : 0.5 * (one + other)};
             }
         }
         r->ratio[c] = r->spread[c] = NAN;
         if (n >= FEWEST_PATCHES) {
-            r->ratio[c] = tsuya_check_median(list, n);
-            for (int k = 0; k < n; k++) {
-                list[k] = fabs(list[k] - r->ratio[c]);
-            }
-            r->spread[c] = NORMAL * tsuya_check_median(list, n);
+            tell_gain(&r->ratio[c], &r->spread[c], p, n, list + 2 * (ptrdiff_t)n);
         }
     }
 }

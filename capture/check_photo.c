@@ -8,7 +8,7 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { CLIPPED_HIGH = 254, CLIPPED_LOW = 1, PATCH = 2 };
+enum { CLIPPED_HIGH = 254, CLIPPED_LOW = 1, PATCH = 2, PATCH_MOST = 20 };
 static const double FOCAL_ASSUMED = 1.0; /* of the longer side: 36 mm equivalent, between telephones and normal lenses */
 
 void tsuya_check_fault(tsuya_checked_photo *photo, const char *format, ...)
@@ -81,17 +81,18 @@ static void count_levels(tsuya_checked_photo *p, const tsuya_image *rgb, const t
     }
 }
 
-static void color_around(float color[3], const tsuya_image *rgb, double x_px, double y_px)
+/* Over the piece of surface that the feature describes: from near and from far the same. */
+static void color_around(float color[3], const tsuya_image *rgb, const float light[256], double x_px, double y_px, double radius_px)
 {
-    int n = 0, cx = (int)lround(x_px), cy = (int)lround(y_px);
+    int n = 0, cx = (int)lround(x_px), cy = (int)lround(y_px), reach = (int)lround(fmin(fmax(radius_px, PATCH), PATCH_MOST));
     color[0] = color[1] = color[2] = 0.0f;
-    for (int y = cy - PATCH; y <= cy + PATCH; y++) {
-        for (int x = cx - PATCH; x <= cx + PATCH; x++) {
+    for (int y = cy - reach; y <= cy + reach; y++) {
+        for (int x = cx - reach; x <= cx + reach; x++) {
             if (x < 0 || y < 0 || x >= rgb->width_px || y >= rgb->height_px) {
                 continue;
             }
             for (int c = 0; c < 3; c++) {
-                color[c] += tsuya_srgb_decode(tsuya_image_get(rgb, x, y, rgb->channels >= 3 ? c : 0));
+                color[c] += light[tsuya_image_u8(rgb, x, y)[rgb->channels >= 3 ? c : 0]];
             }
             n++;
         }
@@ -144,10 +145,14 @@ static tsuya_status find_features(tsuya_checked_photo *p, tsuya_check_sight *sig
     TSUYA_GOTO_DONE(status, tsuya_features_find(&sight->features, &grey, mask->data ? &small_mask : NULL, options->features, context->threads));
     p->features = tsuya_features_count(sight->features);
     TSUYA_NEW(status, sight->color, 3 * (size_t)p->features);
+    float light[256];
+    for (int k = 0; k < 256; k++) {
+        light[k] = tsuya_srgb_decode((float)k / 255.0f);
+    }
     for (int i = 0; i < p->features; i++) {
         double x, y;
         tsuya_features_place(sight->features, i, &x, &y);
-        color_around(sight->color + 3 * i, &small, x, y);
+        color_around(sight->color + 3 * i, &small, light, x, y, tsuya_features_radius(sight->features, i));
     }
 done:
     tsuya_image_free(&small);

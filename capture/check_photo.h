@@ -46,7 +46,7 @@ static const double TSUYA_CHECK_OUTLIER = 3.5;
 double tsuya_check_median(double *value, int count);
 
 /* Colours of shared features against each other, and what all pairs say of each photograph (capture/check_light.c).  `list`: room for
- * r->shared. */
+ * three times r->shared. */
 void tsuya_check_compare_light(tsuya_check_relation *r, const tsuya_check_sight *a, const tsuya_check_sight *b, const tsuya_feature_pair *pair,
                                double *list);
 TSUYA_MUST_CHECK tsuya_status tsuya_check_light(tsuya_check *check, const tsuya_check_relation *relations, const tsuya_check_options *options);

@@ -116,7 +116,7 @@ static tsuya_status match_pairs(relation *relations, const tsuya_check *check, c
         room = (size_t)check->photo[i].features > room ? (size_t)check->photo[i].features : room;
     }
     TSUYA_NEW(status, m.pair, room);
-    TSUYA_NEW(status, m.list, room);
+    TSUYA_NEW(status, m.list, 3 * room);
     status = match_all(&m, context);
 done:
     tsuya_free(m.pair);
@@ -212,7 +212,7 @@ static void judge(tsuya_check *check, tsuya_checked_photo *p, const tsuya_check_
     if (p->same_as >= 0) {
         tsuya_check_fault(p, "the same view as %.100s", check->photo[p->same_as].photo.name);
     }
-    if (p->neighbours == 0 && check->count > 2 && p->fault_count == 0 && check->shared >= CLEAR * o->shared_features) {
+    if (p->strongest == 0 && check->count > 2 && p->fault_count == 0 && check->shared >= CLEAR * o->shared_features) {
         tsuya_check_fault(p, "shows nothing that another photograph shows: a foreign picture, or too far from its neighbours");
     }
 }

@@ -1,9 +1,10 @@
 /* OpenCV behind capture/opencv_adapter.h.  No exception leaves this file. */
 #include "capture/opencv_adapter.h"
 
-#include "core/matching.h"
+#include "core/match_chance.h"
 #include "core/memory.h"
 
+#include <cmath>
 #include <new>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
@@ -41,6 +42,14 @@ tsuya_sift view_of(const tsuya_features *f)
     return {static_cast<int>(f->position.size()), const_cast<tsuya_sift_position *>(f->position.data()), const_cast<uint8_t *>(f->descriptor.data())};
 }
 
+/* Threads that are all alike match by dozens, and some geometry always fits them (core/match_chance.h). */
+bool is_chance(const tsuya_features *a, const tsuya_features *b, int matches, int rigid, double tolerance_px)
+{
+    tsuya_sift of_a = view_of(a), of_b = view_of(b);
+    double chance = std::fmax(tsuya_match_chance(&of_a, tolerance_px), tsuya_match_chance(&of_b, tolerance_px));
+    return tsuya_match_false_alarms(matches, rigid, chance) > TSUYA_MATCH_MOST_FALSE_ALARMS;
+}
+
 void keep_rigid(tsuya_feature_pair *pairs, int *count, const tsuya_features *a, const tsuya_features *b, const tsuya_match *match, int matches, double tolerance_px)
 {
     std::vector<cv::Point2f> from, to;
@@ -54,6 +63,9 @@ void keep_rigid(tsuya_feature_pair *pairs, int *count, const tsuya_features *a, 
         if (inlier[static_cast<size_t>(k)]) {
             pairs[(*count)++] = {static_cast<int>(match[k].a), static_cast<int>(match[k].b)};
         }
+    }
+    if (is_chance(a, b, matches, *count, tolerance_px)) {
+        *count = 0;
     }
 }
 
@@ -124,6 +136,8 @@ void tsuya_features_place(const tsuya_features *features, int index, double *x_p
     *x_px = static_cast<double>(p.x);
     *y_px = static_cast<double>(p.y);
 }
+
+double tsuya_features_radius(const tsuya_features *features, int index) { return 0.5 * static_cast<double>(features->place[static_cast<size_t>(index)].size); }
 
 tsuya_status tsuya_features_match(tsuya_feature_pair *pairs, int *count, const tsuya_features *a, const tsuya_features *b, double tolerance_px, int threads)
 {

@@ -18,6 +18,8 @@ TSUYA_INTERNAL void tsuya_features_free(tsuya_features *features);
 TSUYA_INTERNAL int tsuya_features_count(const tsuya_features *features);
 /* Pixel of a feature. */
 TSUYA_INTERNAL void tsuya_features_place(const tsuya_features *features, int index, double *x_px, double *y_px);
+/* Radius of the blob that the feature is, px. */
+TSUYA_INTERNAL double tsuya_features_radius(const tsuya_features *features, int index);
 
 typedef struct tsuya_feature_pair { int a, b; } tsuya_feature_pair;
 /* Mutual nearest neighbours that pass Lowe's ratio test and obey one fundamental matrix (RANSAC at `tolerance_px`).

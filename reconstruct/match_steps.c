@@ -1,6 +1,6 @@
 #include "reconstruct/match_steps.h"
 
-#include "core/matching.h"
+#include "core/match_chance.h"
 #include "core/memory.h"
 #include "reconstruct/digest.h"
 #include "reconstruct/pairs.h"
@@ -94,7 +94,7 @@ static tsuya_two_view *next_found(matcher *o, uint32_t image_a, uint32_t image_b
 static tsuya_status match_freely(matcher *o, const tsuya_sift *a, const tsuya_sift *b, uint32_t image_a, uint32_t image_b)
 {
     tsuya_two_view *pair = next_found(o, image_a, image_b);
-    pair->chance = fmax(tsuya_verify_chance(a, MOST_OFF_PX), tsuya_verify_chance(b, MOST_OFF_PX));
+    pair->chance = fmax(tsuya_match_chance(a, MOST_OFF_PX), tsuya_match_chance(b, MOST_OFF_PX));
     return tsuya_match_features(&pair->match, &pair->match_count, a, b, NULL, o->r->context->threads);
 }
 

@@ -1,47 +1,15 @@
 #include "reconstruct/verify.h"
 
 #include "core/file.h"
+#include "core/match_chance.h"
 
-#include <math.h>
 #include <stdlib.h>
 
 enum {
     PARTS = 8,           /* of the pairs, whatever the number of threads */
     PAIRS_LEAST = 32,    /* fewer are one part */
-    SAMPLE = 7,          /* matches that fix a fundamental matrix */
     PATH_SIZE = 4096,
 };
-/* Decades: a thousand pairs, a false one in a thousand sets. */
-static const double MOST_FALSE_ALARMS = -6.0;
-
-static double log10_binomial(int n, int k)
-{
-    return (lgamma(n + 1.0) - lgamma(k + 1.0) - lgamma(n - k + 1.0)) / log(10.0);
-}
-
-double tsuya_verify_false_alarms(int matches, int inliers, double chance)
-{
-    if (inliers <= SAMPLE) {
-        return 0.0;
-    }
-    int n = matches > inliers ? matches : inliers;
-    return log10(n - SAMPLE) + log10_binomial(n, inliers) + log10_binomial(inliers, SAMPLE) + (inliers - SAMPLE) * log10(chance);
-}
-
-double tsuya_verify_chance(const tsuya_sift *features, double off_px)
-{
-    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
-    for (int i = 0; i < features->count; i++) {
-        const double at[2] = {(double)features->position[i].x, (double)features->position[i].y};
-        for (int d = 0; d < 2; d++) {
-            low[d] = fmin(low[d], at[d]);
-            high[d] = fmax(high[d], at[d]);
-        }
-    }
-    double width = high[0] - low[0], height = high[1] - low[1], share = 2.0 * off_px * hypot(width, height) / (width * height);
-    return share < 1.0 ? share : 1.0; /* also where there is no box */
-}
-
 /* COLMAP's list of raw matches: two names, then a pair of indices a line, then an empty line. */
 static tsuya_status save_list(const char *path, const tsuya_database *database, const tsuya_two_view *pair, int count, int part, int parts)
 {
@@ -88,7 +56,7 @@ static tsuya_status drop_chance(int *dropped, const char *base, const tsuya_two_
         tsuya_two_view found;
         TSUYA_TRY(tsuya_two_view_load(&found, base, pair[i].image_a, pair[i].image_b));
         bool free = found.kind == TSUYA_TWO_VIEW_CALIBRATED || found.kind == TSUYA_TWO_VIEW_UNCALIBRATED;
-        if (free && tsuya_verify_false_alarms(pair[i].match_count, found.match_count, pair[i].chance) > MOST_FALSE_ALARMS) {
+        if (free && tsuya_match_false_alarms(pair[i].match_count, found.match_count, pair[i].chance) > TSUYA_MATCH_MOST_FALSE_ALARMS) {
             tsuya_two_view none = {.image_a = found.image_a, .image_b = found.image_b};
             TSUYA_TRY(tsuya_two_views_save(base, &none, 1));
             (*dropped)++;

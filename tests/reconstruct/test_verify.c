@@ -2,6 +2,7 @@
 #include "tests/support.h"
 
 #include "core/context.h"
+#include "core/match_chance.h"
 #include "reconstruct/verify.h"
 
 enum { WIDTH = 800, HEIGHT = 600, GEOMETRIES = 20000, SETS = 8 };
@@ -12,12 +13,12 @@ static double draw(uint64_t stream, uint64_t k) { return tsuya_random_uniform(77
 static void test_closed_form(void **state)
 {
     (void)state;
-    assert_near(tsuya_verify_false_alarms(8, 8, 0.1), log10(8.0 * 0.1), 1e-12);
+    assert_near(tsuya_match_false_alarms(8, 8, 0.1), log10(8.0 * 0.1), 1e-12);
     /* 3 C(10, 9) C(9, 7) 0.01^2 */
-    assert_near(tsuya_verify_false_alarms(10, 9, 0.01), log10(3.0 * 10.0 * 36.0 * 1e-4), 1e-12);
-    assert_true(tsuya_verify_false_alarms(100, 7, 0.01) == 0.0 && tsuya_verify_false_alarms(0, 0, 0.01) == 0.0);
-    assert_true(isfinite(tsuya_verify_false_alarms(100000, 90000, 1e-12)));
-    assert_near(tsuya_verify_false_alarms(5, 20, 0.5), tsuya_verify_false_alarms(20, 20, 0.5), 0.0); /* guided matches exceed the free ones */
+    assert_near(tsuya_match_false_alarms(10, 9, 0.01), log10(3.0 * 10.0 * 36.0 * 1e-4), 1e-12);
+    assert_true(tsuya_match_false_alarms(100, 7, 0.01) == 0.0 && tsuya_match_false_alarms(0, 0, 0.01) == 0.0);
+    assert_true(isfinite(tsuya_match_false_alarms(100000, 90000, 1e-12)));
+    assert_near(tsuya_match_false_alarms(5, 20, 0.5), tsuya_match_false_alarms(20, 20, 0.5), 0.0); /* guided matches exceed the free ones */
 }
 
 static void test_share_of_a_line(void **state)
@@ -25,11 +26,11 @@ static void test_share_of_a_line(void **state)
     (void)state;
     tsuya_sift_position corner[] = {{0, 0}, {800, 600}, {10, 20}};
     tsuya_sift f = {.count = 3, .position = corner};
-    assert_near(tsuya_verify_chance(&f, 4.0), 8.0 * 1000.0 / 480000.0, 1e-12);
+    assert_near(tsuya_match_chance(&f, 4.0), 8.0 * 1000.0 / 480000.0, 1e-12);
     f.count = 1; /* no box */
-    assert_true(tsuya_verify_chance(&f, 4.0) == 1.0);
+    assert_true(tsuya_match_chance(&f, 4.0) == 1.0);
     f.count = 0;
-    assert_true(tsuya_verify_chance(&f, 4.0) == 1.0);
+    assert_true(tsuya_match_chance(&f, 4.0) == 1.0);
 }
 
 static tsuya_vec3 ray(uint64_t stream, uint64_t k)
@@ -66,7 +67,7 @@ static void test_wrong_matches(void **state)
             best = near > best ? near : best;
         }
         assert_true(best > 0);
-        assert_true(tsuya_verify_false_alarms(n, best, chance) > MOST);
+        assert_true(tsuya_match_false_alarms(n, best, chance) > MOST);
     }
 }
 
@@ -75,10 +76,10 @@ static void test_right_matches(void **state)
 {
     (void)state;
     const double chance = 2.0 * OFF_PX * hypot(WIDTH, HEIGHT) / (WIDTH * HEIGHT);
-    assert_true(tsuya_verify_false_alarms(15, 15, chance) < MOST);
-    assert_true(tsuya_verify_false_alarms(40, 25, chance) < MOST);
-    assert_true(tsuya_verify_false_alarms(200, 60, chance) < MOST);
-    assert_true(tsuya_verify_false_alarms(100, 24, chance) > MOST);
+    assert_true(tsuya_match_false_alarms(15, 15, chance) < MOST);
+    assert_true(tsuya_match_false_alarms(40, 25, chance) < MOST);
+    assert_true(tsuya_match_false_alarms(200, 60, chance) < MOST);
+    assert_true(tsuya_match_false_alarms(100, 24, chance) > MOST);
 }
 
 int main(void)
