@@ -38,6 +38,7 @@ static const tsuya_yaml_field render_fields[] = {
     {.key = "like", .kind = TSUYA_YAML_TEXT, .offset = offsetof(tsuya_job_render, like)},
     {.key = "elevation", .kind = TSUYA_YAML_NUMBER, .offset = offsetof(tsuya_job_render, elevation_deg)},
     {.key = "exposure", .kind = TSUYA_YAML_NUMBER, .offset = offsetof(tsuya_job_render, exposure_ev)},
+    {.key = "tolerance", .kind = TSUYA_YAML_NUMBER, .offset = offsetof(tsuya_job_render, tolerance)},
     {.key = "lights", .kind = TSUYA_YAML_TEXT, .offset = offsetof(tsuya_job_render, lights)},
     {.key = "model", .kind = TSUYA_YAML_TEXT, .offset = offsetof(tsuya_job_render, model)},
     {0},
@@ -315,6 +316,9 @@ static tsuya_status check_render(const tsuya_job *job, tsuya_job_render *r)
     TSUYA_TRY(resolve(job, &r->like, "render: like", true));
     TSUYA_TRY(resolve(job, &r->lights, "render: lights", false));
     TSUYA_TRY(resolve(job, &r->model, "render: model", false));
+    if (r->tolerance < 0.0 || r->tolerance > 1.0) {
+        return invalid(job, "render: tolerance of", r->name, "must be from 0 to 1, as an error on cube roots such as 0.1");
+    }
     if (r->like) {
         if (r->views != INT_MIN || r->size.count > 0 || isfinite(r->elevation_deg) || isfinite(r->exposure_ev)) {
             return invalid(job, "render: name", r->name, "has like:, which takes views, size, elevation and exposure from the photographs");
@@ -354,7 +358,7 @@ static tsuya_status check_renders(tsuya_job *job)
         if (!turntable) {
             return TSUYA_ERROR_MEMORY;
         }
-        *turntable = (tsuya_job_render){.name = "turntable", .views = 12, .elevation_deg = NAN, .exposure_ev = NAN};
+        *turntable = (tsuya_job_render){.name = "turntable", .views = 12, .elevation_deg = NAN, .exposure_ev = NAN, .tolerance = NAN};
         job->render = (tsuya_yaml_list){turntable, 1};
     }
     tsuya_job_render *render = job->render.item;

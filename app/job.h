@@ -24,6 +24,7 @@ typedef struct tsuya_job_render {
     const char *name, *color, *like;
     const char *lights, *model; /* of this entry alone; NULL: the job's own */
     double elevation_deg, exposure_ev; /* NaN: the stage's own; not of `like` */
+    double tolerance; /* of the cheapest model that will do (tsuya_render_options); NaN: each material's own */
     int views; /* 0: through the cameras of `like` */
     tsuya_yaml_list size;
     int width_px, height_px;

@@ -88,6 +88,9 @@ tsuya_status tsuya_stage_render_plan(tsuya_stage_plan *plan, const tsuya_stage_r
         if (isfinite(r->exposure_ev)) {
             tsuya_json_set_number(entry, "exposure", r->exposure_ev);
         }
+        if (isfinite(r->tolerance)) {
+            tsuya_json_set_number(entry, "tolerance", r->tolerance);
+        }
         for (int h = 0; r->like && h < job->hold_out.count; h++) {
             tsuya_json_set_text(entry, tsuya_job_hold_out_at(job, h), "held out");
         }
@@ -229,6 +232,7 @@ static tsuya_status render_entry(tsuya_render_info *info, const tsuya_stage_run 
     options.spp = SAMPLES_PER_PIXEL;
     options.noise = NOISE;
     options.bounces = BOUNCES;
+    options.tolerance = isfinite(entry->tolerance) ? entry->tolerance : 0.0;
     options.up = up;
     if (entry->like) {
         TSUYA_TRY(find_like(&like, job, model));

@@ -4,6 +4,7 @@
 
 #include "render/lamps.h"
 #include "render/scene.h"
+#include "render/surface.h"
 
 typedef struct tsuya_wave_group {
     int path[TSUYA_LANES], count, padded; /* path: which of the wave's */

@@ -5,6 +5,8 @@
 
 #include "core/memory.h"
 
+#include "render/surface.h"
+
 #include <math.h>
 #include <string.h>
 

@@ -11,7 +11,7 @@
 #include <string.h>
 
 /* Raised when the pictures of unchanged inputs change. */
-static const char stage_version[] = "render 8";
+static const char stage_version[] = "render 9";
 
 tsuya_render_options tsuya_render_options_default(void)
 {

@@ -3,6 +3,8 @@
 #include "core/image.h"
 #include "core/memory.h"
 
+#include "render/surface.h"
+
 #include <math.h>
 #include <string.h>
 

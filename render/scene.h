@@ -8,7 +8,6 @@
 
 #include "render/bands.h"
 #include "render/embree_adapter.h"
-#include "render/surface.h"
 
 /* How a cloth reflects, in its own frame (x weft, y warp, z normal); wi and wo unit, wo above the surface.  dye: three
  * numbers, or NULL for the material's own.  Anything can stand behind it, not only fitted materials. */
@@ -78,9 +77,12 @@ void tsuya_scene_prefetch_triangle(const tsuya_scene *scene, const tsuya_ray_hit
 void tsuya_scene_prefetch_vertices(const tsuya_scene *scene, const tsuya_ray_hit *hit);
 /* How the cloth reflects where it was hit. */
 const tsuya_shader *tsuya_scene_shader_at(const tsuya_scene *scene, const tsuya_ray_hit *hit);
-/* count ≤ TSUYA_LANES hits of one shader; wo unit, padded as s will be. */
-void tsuya_scene_surfaces(const tsuya_scene *scene, const tsuya_ray_hit *hit, int count, const tsuya_planes3 *wo, const tsuya_shader *shader,
-                          tsuya_corners *room, tsuya_surfaces *s);
+/* render/surface.h: count ≤ TSUYA_LANES hits of one shader; wo unit, padded as s will be. */
+struct tsuya_planes3;
+struct tsuya_corners;
+struct tsuya_surfaces;
+void tsuya_scene_surfaces(const tsuya_scene *scene, const tsuya_ray_hit *hit, int count, const struct tsuya_planes3 *wo, const tsuya_shader *shader,
+                          struct tsuya_corners *room, struct tsuya_surfaces *s);
 /* Lower and upper corner of what rays can hit; low > high when empty. */
 void tsuya_scene_bounds(const tsuya_scene *scene, tsuya_vec3 *low, tsuya_vec3 *high);
 

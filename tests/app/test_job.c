@@ -66,8 +66,8 @@ static void test_everything_that_is_supported(void **state)
     assert_ok(load(&job,
                    "name: robe\nphotos: photos/\ntolerance: 0.5 mm\nhold_out: [IMG_01.jpg]\n"
                    "render:\n"
-                   "  - {name: turn, views: 36, size: [1280, 960], color: \"#7a1f2b\"}\n"
-                   "  - {name: as-photographed, like: photos/}\n",
+                   "  - {name: turn, views: 36, size: [1280, 960], color: \"#7a1f2b\", elevation: -20, exposure: 1.5, tolerance: 0.1}\n"
+                   "  - {name: as-photographed, like: photos/, tolerance: 0}\n",
                    test_path("elsewhere")));
     assert_string_equal(job.folder, test_path("elsewhere"));
     assert_int_equal(job.hold_out.count, 1);
@@ -77,7 +77,9 @@ static void test_everything_that_is_supported(void **state)
     assert_int_equal(turn->width_px, 1280);
     assert_int_equal(turn->height_px, 960);
     assert_string_equal(turn->color, "#7a1f2b");
+    assert_true(turn->elevation_deg == -20.0 && turn->exposure_ev == 1.5 && turn->tolerance == 0.1);
     assert_int_equal(tsuya_job_render_at(&job, 1)->views, 0);
+    assert_true(isnan(tsuya_job_render_at(&job, 1)->elevation_deg) && tsuya_job_render_at(&job, 1)->tolerance == 0.0);
     tsuya_job_free(&job);
 }
 
@@ -99,6 +101,43 @@ static void test_refusals(void **state)
     refuse("name: robe\nphotos: photos\nrender: [{name: t}, {name: t}]\n", "twice");
     refuse("name: robe\nphotos: photos\nrender: [{name: t, like: photos/}]\n", "hold_out");
     refuse("name: robe\nphotos: render/photos\n", "empties");
+    refuse("name: robe\nphotos: photos\nhold_out: [IMG_01.jpg]\nrender: [{name: t, like: photos/, elevation: 5}]\n", "takes views, size, elevation and exposure");
+    refuse("name: robe\nphotos: photos\nhold_out: [IMG_01.jpg]\nrender: [{name: t, like: photos/, exposure: 1}]\n", "takes views, size, elevation and exposure");
+}
+
+/* Numbers of a render entry that cannot be meant: each is named, with what would do. */
+static void test_render_numbers(void **state)
+{
+    (void)state;
+    static const struct { const char *written, *said; } bad[] = {
+        {"elevation: 89.5", "elevation of: 't' must be from -89 to 89 degrees"},
+        {"elevation: -90", "elevation of: 't' must be from -89 to 89 degrees"},
+        {"elevation: high", "elevation"},
+        {"elevation: .nan", "elevation"},
+        {"exposure: 31", "exposure of: 't' must be from -30 to 30 EV"},
+        {"exposure: -1e9", "exposure of: 't' must be from -30 to 30 EV"},
+        {"exposure: bright", "exposure"},
+        {"exposure: .inf", "exposure"},
+        {"tolerance: -0.1", "tolerance of: 't' must be from 0 to 1"},
+        {"tolerance: 1.5", "tolerance of: 't' must be from 0 to 1"},
+        {"tolerance: 0.5mm", "tolerance"},
+        {"tolerance: .nan", "tolerance"},
+        {"elevatoin: 3", "elevation"},
+    };
+    for (size_t k = 0; k < sizeof bad / sizeof bad[0]; ++k) {
+        char text[256];
+        snprintf(text, sizeof text, "name: robe\nphotos: photos\nrender: [{name: t, views: 2, %s}]\n", bad[k].written);
+        refuse(text, bad[k].said);
+        assert_null(strchr(tsuya_reason(), '\n')); /* one line */
+    }
+    static const char *const edge[] = {"elevation: 89", "elevation: -89", "exposure: 30", "exposure: -30", "tolerance: 1", "tolerance: 0"};
+    for (size_t k = 0; k < sizeof edge / sizeof edge[0]; ++k) {
+        char text[256];
+        tsuya_job job;
+        snprintf(text, sizeof text, "name: robe\nphotos: photos\nrender: [{name: t, views: 2, %s}]\n", edge[k]);
+        assert_ok(load(&job, text, NULL));
+        tsuya_job_free(&job);
+    }
 }
 
 static void test_what_this_version_lacks_is_said(void **state)
@@ -169,6 +208,7 @@ int main(void)
         cmocka_unit_test(test_defaults),
         cmocka_unit_test(test_everything_that_is_supported),
         cmocka_unit_test(test_refusals),
+        cmocka_unit_test(test_render_numbers),
         cmocka_unit_test(test_what_this_version_lacks_is_said),
         cmocka_unit_test(test_regions),
         cmocka_unit_test(test_unreadable_photograph_is_named),
