@@ -60,6 +60,11 @@ TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_drape_sheet_disc(tsuya_drape_sheet
 /* A Noh karaori, front and back in one piece that is folded at the shoulders (v = 0; front v > 0), sleeves along ±u, open in front
  * with a neck, its sides not sewn, as it hangs on a rack to be shown: `width_m` from sleeve to sleeve, 2.1 times that from hem to hem. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_drape_sheet_karaori(tsuya_drape_sheet *sheet, double width_m, double spacing_m);
+/* A curtain hung up by its heading, which is held: `width_m` from end to end along x in so many pleats, waves to either side of y = 0; the flat
+ * cloth is `fullness` times as wide (1.02 to 4, at least 8 cells a pleat), weft along the width.  The heading lies in z = 0, the rest hangs
+ * from it. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_drape_sheet_curtain(tsuya_drape_sheet *sheet, double width_m, double drop_m, double fullness,
+                                                                  int pleats, double spacing_m);
 /* The sheet as a mesh with normals and weft (unit tangents along u), and, where asked for, 3 × vertex_count unit tangents
  * along v (tsuya_free), and 2 × vertex_count material coordinates.  At a seam the weft is the pieces' mean. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_drape_sheet_mesh(tsuya_mesh *mesh, float **warp, float **uv, const tsuya_drape_sheet *sheet);

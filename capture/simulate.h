@@ -15,8 +15,10 @@
 
 /* Numbers are NaN and whole numbers INT_MIN where a file leaves them out, until tsuya_simulate_scene_load has put the defaults in. */
 typedef struct tsuya_scene_cloth {
-    const char *kind, *fabric, *reflectance; /* kind: closed, square, disc */
+    const char *kind, *fabric, *reflectance; /* kind: closed, square, disc, karaori, curtain */
     double side_m, spacing_m, weft_mm, warp_mm, unevenness;
+    double drop_m, fullness;                 /* of a curtain: its length, and the flat cloth's width over side_m */
+    int pleats;
     int levels;                              /* coarser meshes that settle first */
     int smooth;                              /* subdivisions of the draped mesh before it is photographed */
 } tsuya_scene_cloth;

@@ -46,7 +46,8 @@ tsuya_studio_weave tsuya_simulate_weave(const tsuya_simulate_scene *s, uint64_t 
     w.weft_pitch_m = 1e-3 * s->cloth.weft_mm;
     w.warp_pitch_m = 1e-3 * s->cloth.warp_mm;
     w.unevenness = s->cloth.unevenness;
-    w.half_side_m = is(s->cloth.kind, "karaori") ? 10.0 : 0.5 * s->cloth.side_m; /* a costume has no border all round */
+    /* what hangs from a bar has no border all round */
+    w.half_side_m = is(s->cloth.kind, "karaori") || is(s->cloth.kind, "curtain") ? 10.0 : 0.5 * s->cloth.side_m;
     w.seed = seed;
     return w;
 }
@@ -84,7 +85,18 @@ static void hang(tsuya_drape_sheet *sheet, const tsuya_simulate_scene *s, double
     }
 }
 
-/* The flat sheet a little over the stand, not quite even, so that folds find their place. */
+/* Moves the sheet there; what is not held is not quite even, so that folds find their place. */
+static void place(tsuya_drape_sheet *sheet, tsuya_vec3 to, uint64_t seed)
+{
+    for (size_t v = 0; v < sheet->vertex_count; v++) {
+        double *p = sheet->position + 3 * v;
+        p[0] += to.x;
+        p[1] += to.y;
+        p[2] += to.z + (sheet->fixed[v] ? 0.0 : 5e-4 * tsuya_random_uniform(seed, SIMULATE_START, v));
+    }
+}
+
+/* The flat sheet a little over the stand, or hung under it. */
 static tsuya_status lay_out(tsuya_drape_sheet *sheet, const tsuya_simulate_scene *s, const tsuya_drape_fabric *fabric, uint64_t seed)
 {
     tsuya_vec3 foot = tsuya_simulate_foot(s);
@@ -95,17 +107,19 @@ static tsuya_status lay_out(tsuya_drape_sheet *sheet, const tsuya_simulate_scene
         hang(sheet, s, fabric->thickness_m + START_M + 1.2 * sagging, seed);
         return TSUYA_OK;
     }
+    if (is(s->cloth.kind, "curtain")) {
+        const tsuya_scene_cloth *c = &s->cloth;
+        TSUYA_TRY(tsuya_drape_sheet_curtain(sheet, side, c->drop_m, c->fullness, c->pleats, spacing));
+        place(sheet, (tsuya_vec3){foot.x, foot.y, foot.z + s->stand.height_m - 2.0 * s->stand.radius_m - fabric->thickness_m - START_M}, seed);
+        return TSUYA_OK;
+    }
     if (is(s->cloth.kind, "disc")) {
         TSUYA_TRY(tsuya_drape_sheet_disc(sheet, 0.5 * side, 0.0, spacing));
     } else {
         int cells = (int)fmax(2.0, ceil(side / spacing));
         TSUYA_TRY(tsuya_drape_sheet_grid(sheet, -0.5 * side, -0.5 * side, side / cells, cells, cells));
     }
-    for (size_t v = 0; v < sheet->vertex_count; v++) {
-        sheet->position[3 * v] += foot.x;
-        sheet->position[3 * v + 1] += foot.y;
-        sheet->position[3 * v + 2] = z + 5e-4 * tsuya_random_uniform(seed, SIMULATE_START, v);
-    }
+    place(sheet, (tsuya_vec3){foot.x, foot.y, z}, seed);
     return TSUYA_OK;
 }
 

@@ -23,7 +23,8 @@ static const tsuya_yaml_field cloth_fields[] = {
     FIELD(tsuya_scene_cloth, reflectance, TSUYA_YAML_TEXT), FIELD(tsuya_scene_cloth, side_m, TSUYA_YAML_NUMBER),
     FIELD(tsuya_scene_cloth, spacing_m, TSUYA_YAML_NUMBER), FIELD(tsuya_scene_cloth, weft_mm, TSUYA_YAML_NUMBER),
     FIELD(tsuya_scene_cloth, warp_mm, TSUYA_YAML_NUMBER),   FIELD(tsuya_scene_cloth, unevenness, TSUYA_YAML_NUMBER),
-    FIELD(tsuya_scene_cloth, smooth, TSUYA_YAML_INT),
+    FIELD(tsuya_scene_cloth, drop_m, TSUYA_YAML_NUMBER),    FIELD(tsuya_scene_cloth, fullness, TSUYA_YAML_NUMBER),
+    FIELD(tsuya_scene_cloth, pleats, TSUYA_YAML_INT),       FIELD(tsuya_scene_cloth, smooth, TSUYA_YAML_INT),
     FIELD(tsuya_scene_cloth, levels, TSUYA_YAML_INT),       {0},
 };
 static const tsuya_yaml_field stand_fields[] = {
@@ -86,9 +87,11 @@ typedef struct int_rule { size_t offset; const char *key; int fallback, low, hig
 static const number_rule cloth_numbers[] = {
     NUMBER(tsuya_scene_cloth, side_m, 0.33, 0.02, 10),       NUMBER(tsuya_scene_cloth, spacing_m, 0.008, 5e-4, 0.1),
     NUMBER(tsuya_scene_cloth, weft_mm, 2.6, 0.05, 20),       NUMBER(tsuya_scene_cloth, warp_mm, 2.0, 0.05, 20),
-    NUMBER(tsuya_scene_cloth, unevenness, 0.1, 0, 0.5),      {0},
+    NUMBER(tsuya_scene_cloth, unevenness, 0.1, 0, 0.5),      NUMBER(tsuya_scene_cloth, drop_m, NAN, 0.02, 10),
+    NUMBER(tsuya_scene_cloth, fullness, 2, 1.02, 4),         {0},
 };
-static const int_rule cloth_ints[] = {NUMBER(tsuya_scene_cloth, smooth, 2, 0, 4), NUMBER(tsuya_scene_cloth, levels, 1, 0, 3), {0}};
+static const int_rule cloth_ints[] = {NUMBER(tsuya_scene_cloth, smooth, 2, 0, 4), NUMBER(tsuya_scene_cloth, levels, 1, 0, 3),
+                                      NUMBER(tsuya_scene_cloth, pleats, 6, 1, 500), {0}};
 static const number_rule stand_numbers[] = {
     NUMBER(tsuya_scene_stand, radius_m, 0.08, 0.002, 5), NUMBER(tsuya_scene_stand, height_m, 0.15, 0.02, 5),
     NUMBER(tsuya_scene_stand, length_m, 0.5, 0.02, 10),  {0},
@@ -225,9 +228,31 @@ static tsuya_status check_views(const tsuya_simulate_scene *s)
     return TSUYA_OK;
 }
 
+/* Cloth that hangs from a bar. */
+static tsuya_status check_hung(tsuya_simulate_scene *s)
+{
+    tsuya_scene_cloth *c = &s->cloth;
+    const tsuya_scene_stand *stand = &s->stand;
+    bool bar = strcmp(stand->kind, "bar") == 0;
+    if (strcmp(c->kind, "karaori") == 0 && (!bar || stand->height_m < 1.1 * c->side_m)) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: cloth: kind: karaori hangs on a stand of kind bar, at least 1.1 side_m high; %s of height_m %g is given", s->path,
+                          stand->kind, stand->height_m);
+    }
+    if (strcmp(c->kind, "curtain") != 0) {
+        return TSUYA_OK;
+    }
+    c->drop_m = isnan(c->drop_m) ? 0.9 * stand->height_m : c->drop_m;
+    if (!bar || c->side_m > stand->length_m || !(c->drop_m + 2.0 * stand->radius_m < 0.99 * stand->height_m)) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: cloth: kind: curtain hangs under a stand of kind bar that is as long as side_m and higher than drop_m; side_m %g and "
+                          "drop_m %g under a %s of length_m %g, height_m %g and radius_m %g are given", s->path, c->side_m, c->drop_m, stand->kind, stand->length_m,
+                          stand->height_m, stand->radius_m);
+    }
+    return TSUYA_OK;
+}
+
 static tsuya_status check(tsuya_simulate_scene *s)
 {
-    static const char *const kinds[] = {"closed", "square", "disc", "karaori", NULL}, *const stands[] = {"disc", "table", "bar", "form", NULL};
+    static const char *const kinds[] = {"closed", "square", "disc", "karaori", "curtain", NULL}, *const stands[] = {"disc", "table", "bar", "form", NULL};
     static const char *const reflectances[] = {"satin", "linen", "matt", NULL}, *const families[] = {"tag36h11", "tag25h9", "tagStandard41h12", NULL};
     tsuya_drape_fabric fabric;
     TSUYA_TRY(settle(s->path, "", s, NULL, scene_ints));
@@ -246,10 +271,7 @@ static tsuya_status check(tsuya_simulate_scene *s)
     TSUYA_TRY(choose(s->path, "mat: family", &s->mat.family, families));
     TSUYA_TRY(choose(s->path, "board: family", &s->board.family, families));
     TSUYA_TRY(settle(s->path, "goniometer: ", &s->goniometer, goniometer_numbers, NULL));
-    if (strcmp(s->cloth.kind, "karaori") == 0 && (strcmp(s->stand.kind, "bar") != 0 || s->stand.height_m < 1.1 * s->cloth.side_m)) {
-        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: cloth: kind: karaori hangs on a stand of kind bar, at least 1.1 side_m high; %s of height_m %g is given", s->path,
-                          s->stand.kind, s->stand.height_m);
-    }
+    TSUYA_TRY(check_hung(s));
     s->goniometer.photo_step_deg = isnan(s->goniometer.photo_step_deg) ? s->goniometer.tilt_step_deg : s->goniometer.photo_step_deg;
     TSUYA_TRY(check_dye(s->path, &s->goniometer.dye));
     for (int i = 0; i < s->lamps.count; i++) {

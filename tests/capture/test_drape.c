@@ -204,6 +204,61 @@ static void a_karaori_is_cut_by_its_plan(void **state)
     assert_fails(tsuya_drape_sheet_karaori(&s, 1.4, 0.2), "from 15 to 2000 cells");
 }
 
+/* Of the curtain's row j, so long is it, and so often does it change sides. */
+static double length_of_row(const tsuya_drape_sheet *s, size_t columns, size_t j, int *changes)
+{
+    double sum = 0.0;
+    *changes = 0;
+    for (size_t i = 0; i < columns; i++) {
+        const double *a = s->position + 3 * (j * (columns + 1) + i), *b = a + 3;
+        sum += sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
+        *changes += i > 0 && i + 1 < columns && (a[1] > 0.0) != (b[1] > 0.0);
+    }
+    return sum;
+}
+
+/* The heading follows its wave without a stretch and stays where it is held; the pleats go down to the hem. */
+static void a_curtain_hangs_from_its_heading(void **state)
+{
+    (void)state;
+    enum { COLUMNS = 60, ROWS = 25 };
+    tsuya_drape_sheet s;
+    tsuya_drape_fabric f;
+    tsuya_drape_info info;
+    tsuya_drape_options o = tsuya_drape_options_default();
+    size_t crossings;
+    int changes;
+    double heading[3 * (COLUMNS + 1)];
+    const double *top, *hem;
+    assert_ok(tsuya_drape_sheet_curtain(&s, 0.6, 0.5, 2.0, 5, 0.02));
+    assert_int_equal(s.vertex_count, (COLUMNS + 1) * (ROWS + 1));
+    top = s.position + 3 * ROWS * (COLUMNS + 1);
+    assert_true(fabs(length_of_row(&s, COLUMNS, ROWS, &changes) - 1.2) < 1e-9 && fabs(top[0] + 0.3) < 1e-12 && fabs(top[3 * COLUMNS] - 0.3) < 1e-9);
+    assert_int_equal(changes, 9);
+    memcpy(heading, top, sizeof heading);
+    for (size_t v = 0; v < s.vertex_count; v++) {
+        s.position[3 * v + 1] += s.fixed[v] ? 0.0 : 1e-4 * tsuya_random_uniform(1, 2, v);
+    }
+    assert_true(tsuya_drape_fabric_named(&f, "cotton"));
+    run(&info, &s, &f, NULL, 0, &o, 2);
+    assert_ok(tsuya_drape_intersections(&crossings, &s));
+    assert_memory_equal(heading, s.position + 3 * ROWS * (COLUMNS + 1), sizeof heading);
+    hem = s.position;
+    double length = length_of_row(&s, COLUMNS, 0, &changes), lowest = 0.0, highest = -1.0;
+    for (size_t i = 0; i <= COLUMNS; i++) {
+        lowest = fmin(lowest, hem[3 * i + 2]);
+        highest = fmax(highest, hem[3 * i + 2]);
+    }
+    print_message("hem %.4f m long, %.4f to %.4f m under the heading, %d times across; %s\n", length, -highest, -lowest, changes, info.at_rest ? "at rest" : "moving");
+    assert_true(info.at_rest && info.energy_rise_j <= 1e-9);
+    assert_int_equal(crossings, 0);
+    assert_int_equal(changes, 9);
+    assert_true(fabs(length - 1.2) < 0.006 && lowest > -0.505 && highest < -0.45);
+    tsuya_drape_sheet_free(&s);
+    assert_fails(tsuya_drape_sheet_curtain(&s, 0.6, 0.5, 5.0, 5, 0.02), "1.02 to 4 times");
+    assert_fails(tsuya_drape_sheet_curtain(&s, 0.6, 0.5, 2.0, 8, 0.02), "at least 8 cells a pleat");
+}
+
 static void senseless_numbers_are_refused(void **state)
 {
     (void)state;
@@ -227,6 +282,7 @@ int main(void)
         cmocka_unit_test(a_saddle_costs_twist_alone),             cmocka_unit_test(threads_do_not_matter),
         cmocka_unit_test(cloth_over_a_bar_does_not_pass_through), cmocka_unit_test(senseless_numbers_are_refused),
         cmocka_unit_test(coarse_to_fine_comes_to_rest), cmocka_unit_test(a_karaori_is_cut_by_its_plan),
+        cmocka_unit_test(a_curtain_hangs_from_its_heading),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -48,6 +48,9 @@ static void a_scene_says_what_it_wants(void **state)
         {"views: [{count: 3, distance_m: 1}]\nhold_out: 0\ngoniometer: {dye: [0.1, 2, 0.1]}\n", "goniometer: dye: 2; numbers from 0 to 1"},
         {"views: [{count: 3, distance_m: 1}]\nhold_out: 0\ngoniometer: {dye: [0.1]}\n", "goniometer: dye: 1 numbers"},
         {"views: [{count: 3, distance_m: 1}]\nhold_out: 0\ncloth: {kind: karaori}\n", "karaori hangs on a stand of kind bar"},
+        {"views: [{count: 3, distance_m: 1}]\nhold_out: 0\ncloth: {kind: curtain}\n", "curtain hangs under a stand of kind bar"},
+        {"views: [{count: 3, distance_m: 1}]\nhold_out: 0\nstand: {kind: bar, height_m: 1, length_m: 1}\ncloth: {kind: curtain, drop_m: 1.2}\n", "higher than drop_m"},
+        {"views: [{count: 3, distance_m: 1}]\nhold_out: 0\nstand: {kind: bar, height_m: 1, length_m: 1}\ncloth: {kind: curtain, fullness: 6}\n", "fullness"},
         {"views: [{count: 3, distance_m: 1}]\nhold_out: 0\ngoniometer: {photo_scale: 0}\n", "photo_scale: 0; from 0.02 to 1"},
         {"views: [{count: 3, distance_m: 1}]\nhold_out: 0\ncamera: {blur_px: -1}\n", "blur_px: -1; from 0 to 5"},
     };
