@@ -126,55 +126,92 @@ static void even_point(double u[3], int k, int n, const double by[3])
     u[2] = turned(bits, by[2]);
 }
 
-/* What the surface part mirrors of the surroundings, drawn by its own density: its lobes are too narrow for even rays. */
-static void add_shine(double surface[3], const tsuya_dye_room *room, const vertex_frame *f, const tsuya_material_view *dark, const float *sent, uint64_t seed,
-                      uint64_t counter)
+/* Room of one thread for what arrives at a vertex and for what the material makes of it, planes of `most` numbers. */
+typedef struct workplace {
+    arrival *a;
+    size_t most;
+    float *planes; /* PLANES of them: wi, wo, then values under a black and under a white dye, three each */
+} workplace;
+
+enum { PLANES = 12 };
+
+static float *plane(const workplace *w, size_t which) { return w->planes + which * w->most; }
+
+static void fill(float *plane, double value, int count)
 {
+    for (int k = 0; k < count; k++) {
+        plane[k] = (float)value;
+    }
+}
+
+/* What the surface part mirrors of the surroundings, drawn by its own density: its lobes are too narrow for even rays. */
+static void add_shine(double surface[3], const tsuya_dye_room *room, const vertex_frame *f, const tsuya_material *material, tsuya_vec3 wo, const float *sent,
+                      uint64_t seed, uint64_t counter)
+{
+    enum { MOST = TSUYA_MATERIAL_LOOKS };
+    float planes[PLANES][MOST], share[MOST], rest[3 * MOST], value[3 * MOST], pdf[MOST], *const wi[3] = {planes[0], planes[1], planes[2]};
     const double by[3] = {tsuya_random_uniform(seed, STREAM_SHINE, 3 * counter), tsuya_random_uniform(seed, STREAM_SHINE, 3 * counter + 1),
                           tsuya_random_uniform(seed, STREAM_SHINE, 3 * counter + 2)};
-    for (int k = 0; k < room->shine; k++) {
-        double u[3], value[3], rgb[3];
-        tsuya_vec3 wi;
-        even_point(u, k, room->shine, by);
-        if (!tsuya_material_view_sample(dark, u, &wi) || wi.z <= 0.0) {
-            continue;
+    for (int from = 0; from < room->shine; from += MOST) {
+        int count = room->shine - from < MOST ? room->shine - from : MOST;
+        const tsuya_material_looks l = {.material = material, .count = count, .wo = {planes[3], planes[4], planes[5]}, .share = share, .rest = rest};
+        fill(planes[3], wo.x, count);
+        fill(planes[4], wo.y, count);
+        fill(planes[5], wo.z, count);
+        for (int k = 0; k < count; k++) {
+            double u[3];
+            even_point(u, from + k, room->shine, by);
+            for (int i = 0; i < 3; i++) {
+                planes[6 + i][k] = fminf((float)u[i], 0x1.fffffep-1f);
+            }
         }
-        double pdf = tsuya_material_view_eval_pdf(dark, wi, value);
-        if (pdf > 0.0) {
-            look_around(rgb, room, f, wi, sent);
-            for (int c = 0; c < 3; c++) {
-                surface[c] += value[c] * wi.z * rgb[c] / (pdf * room->shine);
+        tsuya_material_look(&l);
+        tsuya_material_looks_sample(&l, (const float *const[3]){planes[6], planes[7], planes[8]}, wi);
+        tsuya_material_looks_eval_pdf(&l, (const float *const[3]){wi[0], wi[1], wi[2]}, value, pdf);
+        for (int k = 0; k < count; k++) {
+            double rgb[3];
+            if (wi[2][k] > 0.0f && pdf[k] > 0.0f) {
+                look_around(rgb, room, f, (tsuya_vec3){wi[0][k], wi[1][k], wi[2][k]}, sent);
+                for (int c = 0; c < 3; c++) {
+                    surface[c] += (double)(value[c * count + k] * wi[2][k]) * rgb[c] / (double)(pdf[k] * (float)room->shine);
+                }
             }
         }
     }
 }
 
-/* Seen from one eye.  The material's own dye is black, so what a white one adds is B.  The first `lamps` arrivals are of lamps. */
-static void look_at(tsuya_dye_look *look, const tsuya_dye_room *room, const vertex_frame *f, const tsuya_material *material, const arrival *a, int lamps,
+/* Seen from one eye.  The material's own dye is black, so what a white one adds is B.  The first `lamps` of the arrivals are of lamps; their
+ * directions lie in the first planes. */
+static void look_at(tsuya_dye_look *look, const tsuya_dye_room *room, const vertex_frame *f, const tsuya_material *material, const workplace *w, int lamps,
                     int count, const float *sent, uint64_t seed, uint64_t counter)
 {
     static const double none[3] = {0.0, 0.0, 0.0}, white[3] = {1.0, 1.0, 1.0};
     tsuya_vec3 wo = to_frame(f, tsuya_vec3_unit(tsuya_vec3_sub(room->eye[look->view], f->p)));
-    tsuya_material_view dark = tsuya_material_view_of(material, none, wo), bright = tsuya_material_view_of(material, white, wo);
-    double surface[3] = {0.0, 0.0, 0.0}, body[3] = {0.0, 0.0, 0.0}, value[3], both[3];
-    for (int k = 0; k < count; k++) {
-        tsuya_material_view_eval(&dark, a[k].wi, value);
-        tsuya_material_view_eval(&bright, a[k].wi, both);
-        for (int c = 0; c < 3; c++) {
-            surface[c] += k < lamps ? value[c] * a[k].rgb[c] : 0.0;
-            body[c] += fmax(0.0, both[c] - value[c]) * a[k].rgb[c];
+    const tsuya_direction_batch batch = {count, plane(w, 0), plane(w, 1), plane(w, 2), plane(w, 3), plane(w, 4), plane(w, 5)};
+    const float *dark = plane(w, 6), *bright = plane(w, 9);
+    double surface[3] = {0.0, 0.0, 0.0}, body[3] = {0.0, 0.0, 0.0};
+    fill(plane(w, 3), wo.x, count);
+    fill(plane(w, 4), wo.y, count);
+    fill(plane(w, 5), wo.z, count);
+    tsuya_material_eval_batch(material, none, &batch, plane(w, 6));
+    tsuya_material_eval_batch(material, white, &batch, plane(w, 9));
+    for (int c = 0; c < 3; c++) {
+        for (int k = 0; k < count; k++, dark++, bright++) {
+            surface[c] += k < lamps ? (double)*dark * w->a[k].rgb[c] : 0.0;
+            body[c] += (double)fmaxf(0.0f, *bright - *dark) * w->a[k].rgb[c];
         }
     }
-    add_shine(surface, room, f, &dark, sent, seed, counter);
+    add_shine(surface, room, f, material, wo, sent, seed, counter);
     for (int c = 0; c < 3; c++) {
         look->surface[c] = (float)surface[c];
         look->white[c] = (float)body[c];
     }
 }
 
-static void light_vertex(float *irradiance, tsuya_dye_looks *looks, arrival *a, const tsuya_dye_room *room, const float *sent, size_t v, uint64_t seed)
+static void light_vertex(float *irradiance, tsuya_dye_looks *looks, const workplace *w, const tsuya_dye_room *room, const float *sent, size_t v, uint64_t seed)
 {
     vertex_frame f;
+    arrival *a = w->a;
     int count = 0;
     memset(irradiance + 3 * v, 0, 3 * sizeof *irradiance);
     if (!frame_of(&f, room->mesh, v)) {
@@ -189,13 +226,16 @@ static void light_vertex(float *irradiance, tsuya_dye_looks *looks, arrival *a, 
     int lamps = count;
     count += from_around(a + count, room, &f, sent, v, seed);
     for (int k = 0; k < count; k++) {
+        plane(w, 0)[k] = (float)a[k].wi.x;
+        plane(w, 1)[k] = (float)a[k].wi.y;
+        plane(w, 2)[k] = (float)a[k].wi.z;
         for (size_t c = 0; c < 3; c++) {
             irradiance[3 * v + c] += (float)a[k].rgb[c];
         }
     }
     int index = room->mesh->material && room->material_count > 1 ? room->mesh->material[v] : 0;
     for (size_t k = looks ? looks->first[v] : 0; looks && k < looks->first[v + 1]; k++) {
-        look_at(&looks->look[k], room, &f, room->material[index], a, lamps, count, sent, seed, k);
+        look_at(&looks->look[k], room, &f, room->material[index], w, lamps, count, sent, seed, k);
     }
 }
 
@@ -203,19 +243,24 @@ tsuya_status tsuya_dye_light(float *irradiance, tsuya_dye_looks *looks, const ts
 {
     tsuya_status status = TSUYA_OK;
     arrival *a = NULL;
+    float *planes = NULL;
     size_t vertices = room->mesh->vertex_count, most = (size_t)room->lights->count * LAMP_SIDE * LAMP_SIDE + SKY_SIDE * SKY_SIDE;
     const size_t slice = 4096; /* between looks at the wish to stop */
     TSUYA_NEW(status, a, most * (size_t)context->threads);
+    TSUYA_NEW(status, planes, PLANES * most * (size_t)context->threads);
     for (size_t low = 0; low < vertices; low += slice) {
         size_t high = low + slice < vertices ? low + slice : vertices;
         TSUYA_GOTO_DONE(status, tsuya_check_interrupt());
         tsuya_progress_update(context, "light on the cloth", (double)low, (double)vertices, NULL);
 #pragma omp parallel for schedule(dynamic, 64) num_threads(context->threads)
         for (size_t v = low; v < high; v++) {
-            light_vertex(irradiance, looks, a + most * (size_t)omp_get_thread_num(), room, sent, v, context->seed);
+            size_t thread = (size_t)omp_get_thread_num();
+            const workplace w = {a + most * thread, most, planes + PLANES * most * thread};
+            light_vertex(irradiance, looks, &w, room, sent, v, context->seed);
         }
     }
 done:
     tsuya_free(a);
+    tsuya_free(planes);
     return status;
 }
