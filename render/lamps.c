@@ -140,9 +140,6 @@ void tsuya_lamps_choose(const tsuya_lamps *lamps, int count, const tsuya_planes3
 
 /* --- what arrives --- */
 
-/* Each lane's lamp as planes. */
-typedef struct picked { tsuya_planes3 position, direction, side, up; float area[TSUYA_LANES], round[TSUYA_LANES], placed[TSUYA_LANES]; } picked;
-
 static void put3(tsuya_planes3 *to, int k, const float from[3])
 {
     to->x[k] = from[0];
@@ -150,9 +147,10 @@ static void put3(tsuya_planes3 *to, int k, const float from[3])
     to->z[k] = from[2];
 }
 
-static void pick_up(picked *at, tsuya_lamp_samples *s, const tsuya_lamps *lamps, int count, const tsuya_lamp_choice *choice)
+static void pick_up(tsuya_lamp_samples *s, const tsuya_lamps *lamps, int count, const tsuya_lamp_choice *choice)
 {
     static const tsuya_lamp nothing;
+    tsuya_picked_lamps *at = &s->picked;
     for (int k = 0; k < count; ++k) {
         const tsuya_lamp *l = choice->lamp[k] >= 0 ? &lamps->lamp[choice->lamp[k]] : &nothing;
         put3(&at->position, k, l->position);
@@ -170,9 +168,10 @@ static void pick_up(picked *at, tsuya_lamp_samples *s, const tsuya_lamps *lamps,
 
 /* Points, disks and rectangles; of the others, a constant environment, drawn by the cosine. */
 TSUYA_CLONES("arch=x86-64-v4", "arch=x86-64-v3", "default") static void
-sample_all(tsuya_lamp_samples *restrict s, const picked *restrict at, int count, const tsuya_planes3 *restrict p, const tsuya_planes3 *restrict n,
+sample_all(tsuya_lamp_samples *restrict s, int count, const tsuya_planes3 *restrict p, const tsuya_planes3 *restrict n,
            const float *restrict u, const float *restrict v)
 {
+    const tsuya_picked_lamps *at = &s->picked;
 #pragma omp simd
     for (int k = 0; k < count; ++k) {
         float disk_x, disk_y;
@@ -217,9 +216,8 @@ static void sample_one(tsuya_lamp_samples *s, int k, const tsuya_light *light, c
 void tsuya_lamps_sample(const tsuya_lamps *lamps, int count, const tsuya_planes3 *p, const tsuya_planes3 *n, const tsuya_lamp_choice *choice,
                         const float *const u[2], tsuya_lamp_samples *s)
 {
-    picked at = {.area = {0}};
-    pick_up(&at, s, lamps, count, choice);
-    sample_all(s, &at, count, p, n, u[0], u[1]);
+    pick_up(s, lamps, count, choice);
+    sample_all(s, count, p, n, u[0], u[1]);
     for (int k = 0; k < count; ++k) {
         const tsuya_light *light = choice->lamp[k] >= 0 ? &lamps->set->light[choice->lamp[k]] : NULL;
         if (!light) {

@@ -30,8 +30,12 @@ typedef struct tsuya_lamp_choice {
 } tsuya_lamp_choice;
 void tsuya_lamps_choose(const tsuya_lamps *lamps, int count, const tsuya_planes3 *p, const tsuya_planes3 *n, const float *u, tsuya_lamp_choice *choice);
 
+/* Each lane's lamp as planes. */
+typedef struct tsuya_picked_lamps { tsuya_planes3 position, direction, side, up; float area[TSUYA_LANES], round[TSUYA_LANES], placed[TSUYA_LANES]; } tsuya_picked_lamps;
+
 /* Light that arrives from the lamps chosen. */
 typedef struct tsuya_lamp_samples {
+    tsuya_picked_lamps picked; /* room */
     tsuya_planes3 wi;          /* unit, to the lamp */
     float distance[TSUYA_LANES]; /* INFINITY for directional and environment */
     float rgb[3][TSUYA_LANES], pdf[TSUYA_LANES], delta[TSUYA_LANES]; /* as in tsuya_light_sample; pdf 0: nothing arrives */

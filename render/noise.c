@@ -22,7 +22,7 @@ void tsuya_pixel_add(tsuya_pixel_sum *sum, const double rgb[3], bool met)
 {
     double luminance = tsuya_rgb_luminance(rgb), d = luminance - sum->mean;
     sum->samples++;
-    sum->mean += d / sum->samples;
+    sum->mean += d * (1.0 / sum->samples); /* the quotient does not wait for d */
     sum->spread += d * (luminance - sum->mean);
     sum->met += met;
     sum->met_sum += met ? luminance : 0.0;

@@ -245,7 +245,6 @@ static void bench_fitted(void **state)
     printf("fitted_under,model,rmse_ggx,rmse,seconds_ggx,seconds,time_over_ggx_at_equal_error\n");
     fitted_under("small lamp", &lamp);
     fitted_under("environment", &sky);
-    test_folder_remove();
     tsuya_light_set_free(&lamp);
     tsuya_light_set_free(&sky);
 }
@@ -369,7 +368,13 @@ static void bench_tolerance(void **state)
     tsuya_samples_free(&samples);
     tsuya_material_free(satin);
     tsuya_material_free(fitted);
+}
+
+static int clean_up(void **state)
+{
+    (void)state;
     test_folder_remove();
+    return 0;
 }
 
 /* With an argument, only the benches whose names match it. */
@@ -383,5 +388,5 @@ int main(int argc, char **argv)
     if (argc > 1) {
         cmocka_set_test_filter(argv[1]);
     }
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return cmocka_run_group_tests(tests, NULL, clean_up);
 }
