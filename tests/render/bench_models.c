@@ -370,13 +370,6 @@ static void bench_tolerance(void **state)
     tsuya_material_free(fitted);
 }
 
-static int clean_up(void **state)
-{
-    (void)state;
-    test_folder_remove();
-    return 0;
-}
-
 /* With an argument, only the benches whose names match it. */
 int main(int argc, char **argv)
 {
@@ -388,5 +381,5 @@ int main(int argc, char **argv)
     if (argc > 1) {
         cmocka_set_test_filter(argv[1]);
     }
-    return cmocka_run_group_tests(tests, NULL, clean_up);
+    return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
 }
