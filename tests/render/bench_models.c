@@ -265,11 +265,7 @@ static void set_up_stripes(stripes *s, const tsuya_shader *shader, double distan
     tsuya_scene_options options = tsuya_scene_options_default();
     *s = (stripes){.lights = {0}};
     scene_plane(&s->mesh, 1.0, 400);
-    for (size_t v = 0; v < s->mesh.vertex_count; ++v) {
-        double a = 2.0 * M_PI * (double)s->mesh.position[3 * v] / 0.04;
-        s->mesh.weft[3 * v] = (float)cos(a);
-        s->mesh.weft[3 * v + 1] = (float)sin(a);
-    }
+    scene_turn_weft(&s->mesh, 0.04);
     options.shader = shader;
     options.shader_count = 1;
     assert_ok(tsuya_scene_create(&s->scene, &s->mesh, &options));

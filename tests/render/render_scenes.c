@@ -35,6 +35,15 @@ void scene_plane(tsuya_mesh *mesh, double side, int cells)
     grid_triangles(mesh, cells, cells);
 }
 
+void scene_turn_weft(tsuya_mesh *mesh, double every_m)
+{
+    for (size_t v = 0; v < mesh->vertex_count; ++v) {
+        double a = 2.0 * M_PI * (double)mesh->position[3 * v] / every_m;
+        mesh->weft[3 * v] = (float)cos(a);
+        mesh->weft[3 * v + 1] = (float)sin(a);
+    }
+}
+
 void scene_sphere(tsuya_mesh *mesh, double radius, int rows, bool flat)
 {
     int columns = 2 * rows;

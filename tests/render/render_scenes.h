@@ -8,6 +8,8 @@
 
 /* z = 0, [−side/2, side/2]², cells × cells quads, weft along x, normals up. */
 void scene_plane(tsuya_mesh *mesh, double side, int cells);
+/* The weft turns once every so many metres along x. */
+void scene_turn_weft(tsuya_mesh *mesh, double every_m);
 /* Longitude–latitude sphere with smooth normals and weft along the parallels; flat: no vertex normals' smoothness (exact
  * triangle normals cannot be shared, so the normals are zero there and the renderer falls back to the triangle's). */
 void scene_sphere(tsuya_mesh *mesh, double radius, int rows, bool flat);

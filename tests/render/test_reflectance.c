@@ -24,11 +24,7 @@ static void set_up_studio(studio *s, double distance)
     const double strength[3] = {0.3, 0.25, 0.2}, dye[3] = {0.1, 0.05, 0.2};
     tsuya_scene_options options = tsuya_scene_options_default();
     scene_plane(&s->mesh, 1.0, 400);
-    for (size_t v = 0; v < s->mesh.vertex_count; ++v) {
-        double a = 2.0 * M_PI * (double)s->mesh.position[3 * v] / 0.04;
-        s->mesh.weft[3 * v] = (float)cos(a);
-        s->mesh.weft[3 * v + 1] = (float)sin(a);
-    }
+    scene_turn_weft(&s->mesh, 0.04);
     assert_ok(tsuya_material_ggx(&s->satin, 0.5, 0.15, strength, 1.5, dye));
     assert_ok(tsuya_shader_from_material(&s->shader, s->satin));
     options.shader = &s->shader;
