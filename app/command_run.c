@@ -1,5 +1,6 @@
 /* tsuya run JOB.yaml */
 #include "app/command.h"
+#include "app/job_files.h"
 #include "app/runner.h"
 #include "app/terminal.h"
 #include "core/table.h"
@@ -84,6 +85,10 @@ int tsuya_command_run(int argc, char **argv)
     tsuya_job job = {0};
     tsuya_json *result = tsuya_json_create_object();
     tsuya_status status = result ? tsuya_job_load(&job, input.path, input.folder) : TSUYA_ERROR_MEMORY;
+    if (status == TSUYA_OK) {
+        bool measured = input.options.to >= tsuya_stage_find("brdf"), rendered = input.options.to >= tsuya_stage_find("render");
+        status = measured ? tsuya_job_check_files(&job, rendered) : TSUYA_OK;
+    }
     if (status == TSUYA_OK) {
         status = tsuya_runner_run(result, &job, &input.options, &context);
     }

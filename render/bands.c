@@ -81,26 +81,45 @@ static tsuya_status respond_to_primaries(tsuya_bands *b)
     return TSUYA_OK;
 }
 
-tsuya_status tsuya_bands_of_material(tsuya_bands *b, const tsuya_material *material)
+tsuya_status tsuya_bands_of_channels(tsuya_bands *b, const char *const *channel, int channel_count, const char *name)
 {
-    tsuya_material_info info = tsuya_material_get_info(material);
-    b->count = info.channel_count;
+    if (channel_count > TSUYA_MATERIAL_MAX_CHANNELS) {
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: %d channels; rendering takes at most %d", name, channel_count, TSUYA_MATERIAL_MAX_CHANNELS);
+    }
+    b->count = channel_count;
     for (int c = 0; c < b->count; ++c) {
-        if (!tsuya_channel_nm(&b->nm[c], info.channel[c]) || (c > 0 && !(b->nm[c] > b->nm[c - 1]))) {
-            return tsuya_fail(TSUYA_ERROR_INPUT, "%s: channel \"%s\"; rendering needs r, g, b or ascending wavelengths (nm390, nm400, …)", info.name,
-                              info.channel[c]);
+        if (!tsuya_channel_nm(&b->nm[c], channel[c]) || (c > 0 && !(b->nm[c] > b->nm[c - 1]))) {
+            return tsuya_fail(TSUYA_ERROR_INPUT, "%s: channel \"%s\"; rendering needs r, g, b or ascending wavelengths (nm390, nm400, …)", name,
+                              channel[c]);
         }
         if (c > 0 && b->nm[c] - b->nm[c - 1] > 40.0 && b->nm[c] > 430.0 && b->nm[c - 1] < 670.0) {
-            return tsuya_fail(TSUYA_ERROR_INPUT, "%s: nothing between %g and %g nm; rendering needs wavelengths at most 40 nm apart", info.name,
+            return tsuya_fail(TSUYA_ERROR_INPUT, "%s: nothing between %g and %g nm; rendering needs wavelengths at most 40 nm apart", name,
                               b->nm[c - 1], b->nm[c]);
         }
         primary_at(b->primary[c], b->nm[c]);
     }
     if (b->count < 2 || b->nm[0] > 430.0 || b->nm[b->count - 1] < 670.0) {
-        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: wavelengths from %g to %g nm; rendering needs r, g, b or wavelengths from 430 to 670 nm", info.name,
+        return tsuya_fail(TSUYA_ERROR_INPUT, "%s: wavelengths from %g to %g nm; rendering needs r, g, b or wavelengths from 430 to 670 nm", name,
                           b->nm[0], b->nm[b->count - 1]);
     }
     return respond_to_primaries(b);
+}
+
+tsuya_status tsuya_bands_check(bool *spectral, const char *const *channel, int channel_count, const char *name)
+{
+    static const char *const rgb[3] = {"r", "g", "b"};
+    tsuya_bands bands;
+    *spectral = channel_count != 3;
+    for (int c = 0; !*spectral && c < 3; ++c) {
+        *spectral = strcmp(channel[c], rgb[c]) != 0;
+    }
+    return *spectral ? tsuya_bands_of_channels(&bands, channel, channel_count, name) : TSUYA_OK;
+}
+
+tsuya_status tsuya_bands_of_material(tsuya_bands *b, const tsuya_material *material)
+{
+    tsuya_material_info info = tsuya_material_get_info(material);
+    return tsuya_bands_of_channels(b, info.channel, info.channel_count, info.name);
 }
 
 bool tsuya_bands_match(const tsuya_bands *b, const tsuya_material *material)

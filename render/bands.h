@@ -23,8 +23,11 @@ typedef struct tsuya_bands {
     double response[3][3][TSUYA_MATERIAL_MAX_CHANNELS]; /* [lamp's r g b][picture's r g b]: weights of what a coloured lamp adds */
 } tsuya_bands;
 
-/* From the channels of a material; fails when they are not wavelengths, do not ascend, do not reach from 430 to 670 nm or leave gaps
- * above 40 nm there. */
+/* From the channels of a material (called `name` in messages); fails when they are not wavelengths, do not ascend, do not reach from 430
+ * to 670 nm or leave gaps above 40 nm there. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_bands_of_channels(tsuya_bands *bands, const char *const *channel, int channel_count, const char *name);
+/* What can be rendered: r, g, b, or such wavelengths (spectral). */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_bands_check(bool *spectral, const char *const *channel, int channel_count, const char *name);
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_bands_of_material(tsuya_bands *bands, const tsuya_material *material);
 /* true when the material's channels are these wavelengths */
 TSUYA_API bool tsuya_bands_match(const tsuya_bands *bands, const tsuya_material *material);

@@ -87,6 +87,8 @@ TSUYA_API void tsuya_render_info_to_json(tsuya_json *object, const tsuya_render_
 
 /* What `color` may be: "photographs", "material", or a colour. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_render_check_color(const char *text);
+/* What `lights_path` may be: the name of a preset, or a file of lamps or with a preset. */
+TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_render_check_lights(const char *path);
 /* A colour as a linear Rec.709 reflectance: a name of CSS, "#7a1f2b" (sRGB), "r,g,b" (linear reflectances in [0, 1]), "lab(L,a,b)"
  * (CIELAB under D65) or a file NAME.csv with the columns nm,reflectance (seen under D65).  Fails on colours outside the gamut. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_render_parse_color(double rgb[3], const char *text);

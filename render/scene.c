@@ -39,17 +39,10 @@ static bool material_sample(const void *user, const double *dye, tsuya_vec3 wo, 
 
 tsuya_status tsuya_shader_from_material(tsuya_shader *shader, const tsuya_material *material)
 {
-    static const char *const rgb[3] = {"r", "g", "b"};
     tsuya_material_info info = tsuya_material_get_info(material);
-    bool colors = info.channel_count == 3;
-    for (int c = 0; colors && c < 3; ++c) {
-        colors = strcmp(info.channel[c], rgb[c]) == 0;
-    }
-    if (!colors) {
-        tsuya_bands bands;
-        TSUYA_TRY(tsuya_bands_of_material(&bands, material));
-    }
-    *shader = (tsuya_shader){.user = material, .eval_pdf = material_eval_pdf, .sample = material_sample, .material = material, .spectral = !colors};
+    bool spectral;
+    TSUYA_TRY(tsuya_bands_check(&spectral, info.channel, info.channel_count, info.name));
+    *shader = (tsuya_shader){.user = material, .eval_pdf = material_eval_pdf, .sample = material_sample, .material = material, .spectral = spectral};
     return TSUYA_OK;
 }
 

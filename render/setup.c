@@ -287,28 +287,39 @@ static tsuya_status choose_reflectance(tsuya_render_setup *s, const tsuya_render
     return TSUYA_OK;
 }
 
-/* A name, or a file whose "preset" is one. */
-static tsuya_status load_lights(tsuya_render_setup *s, const tsuya_render_options *o)
+/* A name, or a file whose "preset" is one; else lamps. */
+static tsuya_status read_lights(tsuya_light_preset *preset, tsuya_light_set *lights, const char *path)
 {
-    s->studio = !o->lights_path;
-    if (s->studio) {
-        return TSUYA_OK;
-    }
-    s->preset = tsuya_light_preset_find(o->lights_path);
-    if (s->preset != TSUYA_PRESET_NONE) {
+    *preset = tsuya_light_preset_find(path);
+    if (*preset != TSUYA_PRESET_NONE) {
         return TSUYA_OK;
     }
     tsuya_json *root;
-    TSUYA_TRY(tsuya_json_load(&root, o->lights_path));
-    const tsuya_json *preset = tsuya_json_member(root, "preset");
-    const char *name = tsuya_json_text_or(preset, "");
-    s->preset = tsuya_light_preset_find(name);
+    TSUYA_TRY(tsuya_json_load(&root, path));
+    const tsuya_json *member = tsuya_json_member(root, "preset");
+    const char *name = tsuya_json_text_or(member, "");
+    *preset = tsuya_light_preset_find(name);
     tsuya_status status = TSUYA_OK;
-    if (preset && s->preset == TSUYA_PRESET_NONE) {
-        status = tsuya_fail(TSUYA_ERROR_INPUT, "%s: preset \"%.40s\": expected daylight, torch, halogen or led", o->lights_path, name);
+    if (member && *preset == TSUYA_PRESET_NONE) {
+        status = tsuya_fail(TSUYA_ERROR_INPUT, "%s: preset \"%.40s\": expected daylight, torch, halogen or led", path, name);
     }
     tsuya_json_free(root);
-    return status == TSUYA_OK && s->preset == TSUYA_PRESET_NONE ? tsuya_light_set_load(&s->lights, o->lights_path) : status;
+    return status == TSUYA_OK && *preset == TSUYA_PRESET_NONE ? tsuya_light_set_load(lights, path) : status;
+}
+
+tsuya_status tsuya_render_check_lights(const char *path)
+{
+    tsuya_light_preset preset;
+    tsuya_light_set lights = {0};
+    tsuya_status status = read_lights(&preset, &lights, path);
+    tsuya_light_set_free(&lights);
+    return status;
+}
+
+static tsuya_status load_lights(tsuya_render_setup *s, const tsuya_render_options *o)
+{
+    s->studio = !o->lights_path;
+    return s->studio ? TSUYA_OK : read_lights(&s->preset, &s->lights, o->lights_path);
 }
 
 static tsuya_status set_up(tsuya_render_setup *s, const tsuya_render_options *o, const tsuya_context *context)

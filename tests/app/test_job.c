@@ -1,7 +1,7 @@
 /* JOB.yaml: what is read, what is filled in, what is refused and with which words. */
 #include "support.h"
 
-#include "app/job.h"
+#include "app/job_files.h"
 #include "app/stage.h"
 #include "core/image.h"
 
@@ -178,6 +178,47 @@ static void test_regions(void **state)
     refuse("name: robe\nphotos: photos\nmaterials: [{name: a, model: a.json, where: no/}, {name: b, model: a.json}]\n", "does not exist");
 }
 
+/* Said before the first stage, not after a reconstruction. */
+static void refuse_files(const char *more, bool rendered, const char *part)
+{
+    tsuya_job job;
+    char text[512];
+    snprintf(text, sizeof text, "name: robe\nphotos: photos\n%s", more);
+    assert_ok(load(&job, text, NULL));
+    tsuya_status status = tsuya_job_check_files(&job, rendered);
+    if (part) {
+        assert_fails(status, part);
+    } else {
+        assert_ok(status);
+    }
+    tsuya_job_free(&job);
+}
+
+static void test_files_of_later_stages_are_read_at_once(void **state)
+{
+    (void)state;
+    static const char green[] = "# light_theta_deg=30 light_phi_deg=0\n# view_theta_deg=30 view_phi_deg=180 quantity=brdf\nazimuth_deg,tilt_deg,nm550\n0,0,0.3\n0,3,0.2\n";
+    static const char colors[] = "# light_theta_deg=30 light_phi_deg=0\n# view_theta_deg=30 view_phi_deg=180 quantity=brdf\nazimuth_deg,tilt_deg,r,g,b\n0,0,0.3,0.2,0.1\n";
+    static const char lamps[] = "{\"lights\": [{\"type\": \"point\", \"position_m\": [0, 0, 1], \"rgb\": [1, 1, 1]}]}";
+    static const char sun[] = "{\"lights\": [{\"type\": \"sun\"}]}", moon[] = "{\"preset\": \"moon\"}";
+    assert_ok(tsuya_file_write(test_path("in/green.csv"), green, strlen(green)));
+    assert_ok(tsuya_file_write(test_path("in/colors.csv"), colors, strlen(colors)));
+    assert_ok(tsuya_file_write(test_path("in/lamps.json"), lamps, strlen(lamps)));
+    assert_ok(tsuya_file_write(test_path("in/sun.json"), sun, strlen(sun)));
+    assert_ok(tsuya_file_write(test_path("in/moon.json"), moon, strlen(moon)));
+    refuse_files("", true, NULL);
+    refuse_files("lights: lamps.json\nmaterials: [{name: a, samples: colors.csv}]\n", true, NULL);
+    refuse_files("materials: [{name: a, samples: green.csv}]\n", false, NULL);
+    refuse_files("materials: [{name: a, samples: green.csv}]\n", true, "r, g, b");
+    refuse_files("materials: [{name: a, samples: lamps.json}]\n", false, "lamps.json");
+    refuse_files("materials: [{name: a, model: lamps.json}]\n", false, "lamps.json");
+    refuse_files("lights: sun.json\n", true, "sun");
+    refuse_files("lights: sun.json\n", false, NULL);
+    refuse_files("lights: moon.json\n", true, "moon");
+    refuse_files("render: [{name: r, lights: sun.json}]\n", true, "sun");
+    refuse_files("render: [{name: r, model: lamps.json}]\n", true, "lamps.json");
+}
+
 static void test_unreadable_photograph_is_named(void **state)
 {
     (void)state;
@@ -211,6 +252,7 @@ int main(void)
         cmocka_unit_test(test_render_numbers),
         cmocka_unit_test(test_what_this_version_lacks_is_said),
         cmocka_unit_test(test_regions),
+        cmocka_unit_test(test_files_of_later_stages_are_read_at_once),
         cmocka_unit_test(test_unreadable_photograph_is_named),
         cmocka_unit_test(test_stage_names),
     };
