@@ -9,9 +9,14 @@
 /* The published model is unbounded at grazing light; f·cosθi is held at its value for 80°. */
 static const double grazing_rad = 80.0 * M_PI / 180.0;
 
-static double fresnel(double cosine, double eta)
+/* Not fmin and fmax: those are calls. */
+static double least(double a, double b) { return a < b ? a : b; }
+static double most(double a, double b) { return a > b ? a : b; }
+static double cosine(double c) { return most(least(c, 1.0), -1.0); }
+
+static double fresnel(double cos_theta, double eta)
 {
-    double c = fmin(fmax(cosine, 0.0), 1.0), g = sqrt(eta * eta - 1.0 + c * c);
+    double c = least(most(cos_theta, 0.0), 1.0), g = sqrt(eta * eta - 1.0 + c * c);
     double a = (g - c) / (g + c), b = (c * (g + c) - 1.0) / (c * (g - c) + 1.0);
     return 0.5 * a * a * (1.0 + b * b);
 }
@@ -24,37 +29,37 @@ static double gaussian(double width_rad, double x)
 /* Of two angles from a plane's normal, by their cosines and the cosine of their difference. */
 static double shadow(double ca, double cb, double cd)
 {
-    double width = tsuya_rad_from_deg(20.0), d = acos(fmin(fmax(cd, -1.0), 1.0)), u = exp(-0.5 * d * d / (width * width));
-    ca = fmax(ca, 0.0);
-    cb = fmax(cb, 0.0);
-    return (1.0 - u) * ca * cb + u * fmin(ca, cb);
+    double width = tsuya_rad_from_deg(20.0), d = acos(cosine(cd)), u = exp(-0.5 * d * d / (width * width));
+    ca = most(ca, 0.0);
+    cb = most(cb, 0.0);
+    return (1.0 - u) * ca * cb + u * least(ca, cb);
 }
 
 /* Cosine of half an angle in [0, π]. */
-static double half_cosine(double cosine) { return sqrt(fmax(0.5 * (1.0 + cosine), 0.0)); }
+static double half_cosine(double c) { return sqrt(most(0.5 * (1.0 + c), 0.0)); }
 
 typedef struct sums {
     double light[3], back[3], weight; /* Σ f M P cosθi, the same with light and viewer exchanged, Σ P */
 } sums;
 
-/* One cylinder with its axis tipped by `offset` out of the plane. */
-static void add_cylinder(sums *s, const tsuya_microcylinder_thread *p, tsuya_vec3 along, double offset, double share,
+/* One cylinder with its axis tipped out of the plane, by the offset's cosine c and sine n. */
+static void add_cylinder(sums *s, const tsuya_microcylinder_thread *p, tsuya_vec3 along, double c, double n, double share,
                          tsuya_vec3 wi, tsuya_vec3 wo)
 {
-    double c = cos(offset), n = sin(offset);
     tsuya_vec3 t = {c * along.x, c * along.y, n}, up = {-n * along.x, -n * along.y, c}, b = tsuya_vec3_cross(up, t);
-    double ti = fmin(fmax(tsuya_vec3_dot(wi, t), -1.0), 1.0), tr = fmin(fmax(tsuya_vec3_dot(wo, t), -1.0), 1.0);
+    double ti = cosine(tsuya_vec3_dot(wi, t)), tr = cosine(tsuya_vec3_dot(wo, t));
     double ni = tsuya_vec3_dot(wi, up), nr = tsuya_vec3_dot(wo, up), bi = tsuya_vec3_dot(wi, b), br = tsuya_vec3_dot(wo, b);
-    double ci = sqrt(1.0 - ti * ti), cr = sqrt(1.0 - tr * tr), across = fmax(ci * cr, 1e-12); /* cosines of the inclinations θ */
-    double theta_h = 0.5 * (asin(ti) + asin(tr)), turn = fmin(fmax((ni * nr + bi * br) / across, -1.0), 1.0); /* cos(φi − φr) */
+    double ci = sqrt(1.0 - ti * ti), cr = sqrt(1.0 - tr * tr), across = most(ci * cr, 1e-12); /* cosines of the inclinations θ */
+    double theta_h = 0.5 * atan2(ti * cr + tr * ci, ci * cr - ti * tr); /* (θi + θr) / 2 */
+    double turn = cosine((ni * nr + bi * br) / across); /* cos(φi − φr) */
     double cd = half_cosine(ci * cr + ti * tr), half = half_cosine(turn);
     double surface = fresnel(cd * half, p->eta) * half * gaussian(tsuya_rad_from_deg(p->surface_deg), theta_h);
-    double through = (1.0 - fresnel(ci, p->eta)) * (1.0 - fresnel(cr, p->eta)) / fmax(ci + cr, 1e-9);
+    double through = (1.0 - fresnel(ci, p->eta)) * (1.0 - fresnel(cr, p->eta)) / most(ci + cr, 1e-9);
     double volume = through * ((1.0 - p->isotropic) * gaussian(tsuya_rad_from_deg(p->volume_deg), theta_h) + p->isotropic);
     /* angles in the plane along the yarn */
-    double pi = fmax(hypot(ti, ni), 1e-12), pr = fmax(hypot(tr, nr), 1e-12);
+    double pi = most(sqrt(ti * ti + ni * ni), 1e-12), pr = most(sqrt(tr * tr + nr * nr), 1e-12);
     double reweight = shadow(ni / pi, nr / pr, (ni * nr + ti * tr) / (pi * pr));
-    double k = share * shadow(ni / fmax(ci, 1e-12), nr / fmax(cr, 1e-12), turn) * reweight / fmax(cd * cd, 1e-9);
+    double k = share * shadow(ni / most(ci, 1e-12), nr / most(cr, 1e-12), turn) * reweight / most(cd * cd, 1e-9);
     for (int j = 0; j < 3; ++j) {
         double f = k * (surface + volume * p->albedo[j]);
         s->light[j] += f * ci;
@@ -73,8 +78,12 @@ static sums thread_sums(const tsuya_microcylinder_thread *p, double step_deg, ts
     for (int k = 0; k + 1 < p->knot_count; ++k) {
         double from = tsuya_rad_from_deg(p->offset_deg[k]), to = tsuya_rad_from_deg(p->offset_deg[k + 1]);
         int steps = from == to ? 1 : (int)ceil(fabs(p->offset_deg[k + 1] - p->offset_deg[k]) / (step_deg > 0.0 ? step_deg : 0.5));
+        double step = (to - from) / steps, c = cos(from + 0.5 * step), n = sin(from + 0.5 * step), cos_step = cos(step), sin_step = sin(step);
         for (int i = 0; i < steps; ++i) {
-            add_cylinder(&s, p, along, from + (to - from) * (i + 0.5) / steps, p->length[k] / (total * steps), wi, wo);
+            add_cylinder(&s, p, along, c, n, p->length[k] / (total * steps), wi, wo);
+            double turned = c * cos_step - n * sin_step;
+            n = n * cos_step + c * sin_step;
+            c = turned;
         }
     }
     return s;

@@ -1,14 +1,12 @@
 /* The studio put together, and its photographs: rays through a lens. */
 #include "capture/studio_light.h"
+#include "capture/studio_spread.h"
 
 #include "core/memory.h"
 #include "core/order.h"
 
 #include <math.h>
 #include <string.h>
-
-/* Streams of the blur, apart from those of the rays. */
-static const uint64_t BLUR = 0x626c757200000000;
 
 /* One mesh of everything: the cloth, then the props. */
 static tsuya_status build_mesh(tsuya_studio *s)
@@ -134,7 +132,38 @@ typedef struct shooting {
     tsuya_vec3 eye;
     int side; /* strata of a pixel */
     uint64_t seed;
+    tsuya_studio_spread spread;
 } shooting;
+
+/* The lens about one pixel: straight there, to 1e-3 pixels even where it bends most. */
+typedef struct pixel_lens {
+    bool straight, next_known;
+    tsuya_vec3 middle, right, down, next; /* ray, its change from one pixel to the next; ray of the next in the row */
+} pixel_lens;
+
+/* Pixel x of row y; `l` is that of x − 1, or zero. */
+static void lens_move(pixel_lens *l, const tsuya_camera *camera, int x, int y)
+{
+    tsuya_vec3 down;
+    bool known = l->next_known;
+    l->middle = l->next;
+    known = known || tsuya_camera_unproject(camera, (tsuya_vec2){x, y}, &l->middle);
+    l->next_known = tsuya_camera_unproject(camera, (tsuya_vec2){x + 1.0, y}, &l->next);
+    l->straight = known && l->next_known && tsuya_camera_unproject(camera, (tsuya_vec2){x, y + 1.0}, &down);
+    if (l->straight) {
+        l->right = tsuya_vec3_sub(l->next, l->middle);
+        l->down = tsuya_vec3_sub(down, l->middle);
+    }
+}
+
+static bool ray_of(const pixel_lens *l, const tsuya_camera *camera, int x, int y, tsuya_vec2 off, tsuya_vec3 *direction)
+{
+    if (!l->straight) {
+        return tsuya_camera_unproject(camera, (tsuya_vec2){x + off.x, y + off.y}, direction);
+    }
+    *direction = tsuya_vec3_unit(tsuya_vec3_mad(tsuya_vec3_mad(l->middle, off.x, l->right), off.y, l->down));
+    return true;
+}
 
 /* Through a place on the entrance pupil to where the pixel's ray meets the sharp plane. */
 static void through_pupil(const shooting *s, uint64_t counter, tsuya_vec3 *origin, tsuya_vec3 *direction)
@@ -154,7 +183,7 @@ static double falloff(const tsuya_studio_shot *s, int x, int y)
     return 1.0 - s->vignetting * r2 * r2;
 }
 
-static void shoot_pixel(const shooting *s, int x, int y, float *rgb, uint8_t *coverage)
+static void shoot_pixel(const shooting *s, const pixel_lens *lens, int x, int y, float *rgb, uint8_t *coverage)
 {
     const tsuya_studio_shot *shot = s->shot;
     double sum[3] = {0, 0, 0};
@@ -163,14 +192,10 @@ static void shoot_pixel(const shooting *s, int x, int y, float *rgb, uint8_t *co
     uint64_t pixel_number = (uint64_t)((size_t)y * (size_t)shot->camera.width_px + (size_t)x);
     for (int k = 0; k < spp; k++) {
         uint64_t counter = pixel_number * (uint64_t)spp + (uint64_t)k;
-        tsuya_vec2 pixel = {x - 0.5 + (k % s->side + tsuya_random_uniform(s->seed, shot->stream, 4 * counter)) / s->side,
-                            y - 0.5 + (k / s->side + tsuya_random_uniform(s->seed, shot->stream, 4 * counter + 1)) / s->side};
-        if (shot->blur_px > 0.0) {
-            pixel.x += shot->blur_px * tsuya_random_normal(s->seed, BLUR + shot->stream, 2 * counter);
-            pixel.y += shot->blur_px * tsuya_random_normal(s->seed, BLUR + shot->stream, 2 * counter + 1);
-        }
+        tsuya_vec2 off = {tsuya_studio_spread_at(&s->spread, (k % s->side + tsuya_random_uniform(s->seed, shot->stream, 4 * counter)) / s->side),
+                          tsuya_studio_spread_at(&s->spread, (k / s->side + tsuya_random_uniform(s->seed, shot->stream, 4 * counter + 1)) / s->side)};
         tsuya_vec3 direction, origin = s->eye;
-        if (!tsuya_camera_unproject(&shot->camera, pixel, &direction)) {
+        if (!ray_of(lens, &shot->camera, x, y, off, &direction)) {
             continue;
         }
         if (shot->aperture_m > 0.0) {
@@ -199,15 +224,19 @@ tsuya_status tsuya_studio_shoot(tsuya_image *radiance, tsuya_image *coverage, co
                                 const tsuya_context *context)
 {
     const tsuya_camera *camera = &shot->camera;
-    shooting s = {studio, shot, tsuya_pose_center(shot->camera_from_world), (int)fmax(1.0, floor(sqrt(shot->spp))), context->seed};
+    shooting s = {.studio = studio, .shot = shot, .eye = tsuya_pose_center(shot->camera_from_world), .seed = context->seed,
+                  .side = (int)fmax(1.0, floor(sqrt(shot->spp)))};
+    tsuya_studio_spread_fill(&s.spread, shot->blur_px);
     *radiance = *coverage = (tsuya_image){0};
     TSUYA_TRY(tsuya_image_create(radiance, camera->width_px, camera->height_px, 3, TSUYA_SAMPLE_F32, TSUYA_ENCODING_LINEAR));
     tsuya_status status = tsuya_image_create(coverage, camera->width_px, camera->height_px, 1, TSUYA_SAMPLE_U8, TSUYA_ENCODING_DATA);
     if (status == TSUYA_OK) {
 #pragma omp parallel for schedule(dynamic, 8) num_threads(context->threads)
         for (int y = 0; y < camera->height_px; y++) {
+            pixel_lens lens = {.next_known = false};
             for (int x = 0; x < camera->width_px && !tsuya_interrupted(); x++) {
-                shoot_pixel(&s, x, y, tsuya_image_f32(radiance, x, y), tsuya_image_u8(coverage, x, y));
+                lens_move(&lens, camera, x, y);
+                shoot_pixel(&s, &lens, x, y, tsuya_image_f32(radiance, x, y), tsuya_image_u8(coverage, x, y));
             }
         }
         status = tsuya_check_interrupt();

@@ -15,6 +15,7 @@ struct tsuya_studio {
     const tsuya_studio_prop *prop;
     int prop_count;
     const tsuya_microcylinder *gloss; /* NULL: matt yarns */
+    tsuya_microcylinder split;        /* gloss with an albedo in its first channel alone: surface and volume come apart */
     double weave_shade;      /* of the yarns' mean: shade times cosine to the cloth's normal */
     float relief[STUDIO_RELIEF_Z][STUDIO_RELIEF_PHI]; /* mean over the weave of shade times cosine to a lamp, over the cloth's own cosine */
     double reflected[2];     /* of microcylinders: what surface and volume (of white dye) send back of even light */

@@ -101,7 +101,7 @@ static double relief_at(const tsuya_studio *s, tsuya_vec3 wi)
 void tsuya_studio_measure_gloss(tsuya_studio *s)
 {
     enum { THETA = 8, PHI = 12 };
-    tsuya_microcylinder both = split(s->gloss);
+    s->split = split(s->gloss);
     relief_yarn yarn[RELIEF_SIDE * RELIEF_SIDE];
     double sum = 0.0, a, b;
     even_yarns(yarn, s->weave);
@@ -113,7 +113,7 @@ void tsuya_studio_measure_gloss(tsuya_studio *s)
     tsuya_vec3 wo = {0.0, 0.0, 1.0};
     for (int k = 0; k < THETA * PHI; k++) { /* density cosθ/π */
         double r = sqrt((k / PHI + 0.5) / THETA), phi = 2.0 * M_PI * (k % PHI + 0.5) / PHI;
-        eval(&both, (tsuya_vec3){r * cos(phi), r * sin(phi), sqrt(1.0 - r * r)}, wo, &a, &b);
+        eval(&s->split, (tsuya_vec3){r * cos(phi), r * sin(phi), sqrt(1.0 - r * r)}, wo, &a, &b);
         s->reflected[0] += M_PI * a / (THETA * PHI);
         s->reflected[1] += M_PI * b / (THETA * PHI);
     }
@@ -122,7 +122,6 @@ void tsuya_studio_measure_gloss(tsuya_studio *s)
 /* Surface and volume radiance under each whole lamp, and its mean direction. */
 static void fill_cache(studio_cache *cache, const tsuya_studio *s, const place *at, tsuya_vec3 p, tsuya_vec3 direction)
 {
-    tsuya_microcylinder both = split(s->gloss);
     tsuya_vec3 x = at->weft, y = tsuya_vec3_cross(at->n, x);
     tsuya_vec3 wo = {-tsuya_vec3_dot(direction, x), -tsuya_vec3_dot(direction, y), -tsuya_vec3_dot(direction, at->n)};
     *cache = (studio_cache){.filled = true, .n = at->n};
@@ -138,7 +137,7 @@ static void fill_cache(studio_cache *cache, const tsuya_studio *s, const place *
                 tsuya_vec3 wi = {tsuya_vec3_dot(sample.wi, x), tsuya_vec3_dot(sample.wi, y), tsuya_vec3_dot(sample.wi, at->n)};
                 double strength = fmax(wi.z, 0.0) / sample.pdf;
                 mean = tsuya_vec3_mad(mean, strength, sample.wi);
-                eval(&both, wi, wo, &surface, &volume);
+                eval(&s->split, wi, wo, &surface, &volume);
                 for (int j = 0; j < 3; j++) {
                     cache->surface[lamp][j] += surface * strength * sample.rgb[j];
                     cache->volume[lamp][j] += volume * strength * sample.rgb[j];
@@ -192,22 +191,36 @@ static void shade_matt(const tsuya_studio *s, const place *at, tsuya_vec3 n, con
     }
 }
 
-static void shade_gloss(const tsuya_studio *s, const place *at, const tsuya_studio_yarn *yarn, const studio_cache *cache, double weight, double rgb[3])
+/* What all yarns under one ray share. */
+typedef struct light_here {
+    double around[3];                 /* irradiance from everything but the lamps */
+    double lamp[TSUYA_STUDIO_LAMPS];  /* share that is seen, over the cloth's own cosine and the weave's mean relief */
+} light_here;
+
+static void light_at(light_here *here, const tsuya_studio *s, const place *at, const studio_cache *cache)
 {
-    tsuya_vec3 n = yarn_normal(at, yarn);
-    double irradiance[3], shade = weight * (double)yarn->shade / s->weave_shade;
     tsuya_vec3 warp = tsuya_vec3_cross(at->n, at->weft);
-    around(s, at, irradiance);
-    for (int c = 0; c < 3; c++) {
-        rgb[c] += shade * tsuya_vec3_dot(n, at->n) * irradiance[c] / M_PI * (s->reflected[0] + s->reflected[1] * (double)yarn->dye[c]);
-    }
+    around(s, at, here->around);
     for (int lamp = 0; lamp < s->lamp_count; lamp++) {
-        double visible = 0.0, facing = tsuya_vec3_dot(at->n, cache->wi[lamp]);
+        tsuya_vec3 to = cache->wi[lamp], wi = {tsuya_vec3_dot(to, at->weft), tsuya_vec3_dot(to, warp), tsuya_vec3_dot(to, at->n)};
+        double visible = 0.0;
         for (int k = 0; k < 3; k++) {
             visible += at->w[k] * (double)s->visible[slot_of(s, at, k) * (size_t)s->lamp_count + (size_t)lamp];
         }
-        tsuya_vec3 wi = {tsuya_vec3_dot(cache->wi[lamp], at->weft), tsuya_vec3_dot(cache->wi[lamp], warp), facing};
-        double relief = weight * visible * (double)yarn->shade * fmax(0.0, tsuya_vec3_dot(n, cache->wi[lamp])) / (fmax(facing, FACING_LEAST) * relief_at(s, wi));
+        here->lamp[lamp] = visible > 0.0 ? visible / (fmax(wi.z, FACING_LEAST) * relief_at(s, wi)) : 0.0;
+    }
+}
+
+static void shade_gloss(const tsuya_studio *s, const place *at, const tsuya_studio_yarn *yarn, const studio_cache *cache, const light_here *here,
+                        double weight, double rgb[3])
+{
+    tsuya_vec3 n = yarn_normal(at, yarn);
+    double shade = weight * (double)yarn->shade, even = shade / s->weave_shade * tsuya_vec3_dot(n, at->n) / M_PI;
+    for (int c = 0; c < 3; c++) {
+        rgb[c] += even * here->around[c] * (s->reflected[0] + s->reflected[1] * (double)yarn->dye[c]);
+    }
+    for (int lamp = 0; lamp < s->lamp_count; lamp++) {
+        double facing = tsuya_vec3_dot(n, cache->wi[lamp]), relief = shade * here->lamp[lamp] * (facing > 0.0 ? facing : 0.0);
         for (int c = 0; c < 3; c++) {
             rgb[c] += relief * (cache->surface[lamp][c] + cache->volume[lamp][c] * (double)yarn->dye[c]);
         }
@@ -231,11 +244,12 @@ static void material_at(double uv[2], double step[2][2], const tsuya_studio *s, 
     }
 }
 
-static void shade_yarn(const tsuya_studio *s, const place *at, double u, double v, const studio_cache *cache, double weight, double rgb[3])
+static void shade_yarn(const tsuya_studio *s, const place *at, double u, double v, const studio_cache *cache, const light_here *here, double weight,
+                       double rgb[3])
 {
     tsuya_studio_yarn yarn = tsuya_studio_weave_at(s->weave, u, v);
     if (s->gloss) {
-        shade_gloss(s, at, &yarn, cache, weight, rgb);
+        shade_gloss(s, at, &yarn, cache, here, weight, rgb);
     } else {
         shade_matt(s, at, yarn_normal(at, &yarn), yarn.albedo, weight, rgb);
     }
@@ -257,17 +271,21 @@ void tsuya_studio_shade(const tsuya_studio *s, const tsuya_ray_hit *hit, tsuya_v
     }
     at.weft = tsuya_vec3_tangent(tsuya_studio_interpolate(s->cloth->mesh.weft, at.t, at.w), at.n);
     at.warp = tsuya_vec3_tangent(tsuya_studio_interpolate(s->cloth->warp, at.t, at.w), at.n);
-    if (s->gloss && (!cache->filled || tsuya_vec3_dot(cache->n, at.n) < SAME_NORMAL)) {
-        fill_cache(cache, s, &at, p, direction);
+    light_here here;
+    if (s->gloss) {
+        if (!cache->filled || tsuya_vec3_dot(cache->n, at.n) < SAME_NORMAL) {
+            fill_cache(cache, s, &at, p, direction);
+        }
+        light_at(&here, s, &at, cache);
     }
     double uv[2], step[2][2];
     material_at(uv, step, s, &at, direction, width_m);
     if (width_m < FINE * fmin(s->weave->weft_pitch_m, s->weave->warp_pitch_m)) {
-        shade_yarn(s, &at, uv[0], uv[1], cache, 1.0, rgb);
+        shade_yarn(s, &at, uv[0], uv[1], cache, &here, 1.0, rgb);
         return;
     }
     for (int k = 0; k < PARTS; k++) {
         double a = k % 2 ? 0.25 : -0.25, b = k / 2 ? 0.25 : -0.25;
-        shade_yarn(s, &at, uv[0] + a * step[0][0] + b * step[1][0], uv[1] + a * step[0][1] + b * step[1][1], cache, 1.0 / PARTS, rgb);
+        shade_yarn(s, &at, uv[0] + a * step[0][0] + b * step[1][0], uv[1] + a * step[0][1] + b * step[1][1], cache, &here, 1.0 / PARTS, rgb);
     }
 }

@@ -27,8 +27,8 @@ static double hash(const tsuya_studio_weave *w, uint64_t stream, long long a, lo
 
 static double smooth(double edge, double width, double x)
 {
-    double t = fmin(fmax((x - edge) / width + 0.5, 0.0), 1.0);
-    return t * t * (3.0 - 2.0 * t);
+    double t = (x - edge) / width + 0.5;
+    return t <= 0.0 ? 0.0 : t >= 1.0 ? 1.0 : t * t * (3.0 - 2.0 * t);
 }
 
 static void mix(float rgb[3], const float other[3], double share)
@@ -45,20 +45,23 @@ static double line_noise(const tsuya_studio_weave *w, uint64_t stream, long long
     return (1.0 - t) * hash(w, stream, yarn, (long long)cell) + t * hash(w, stream, yarn, (long long)cell + 1);
 }
 
+/* A flower's middle lies in the inner three fifths of its cell; it reaches 1.05 of its size, which is at most 0.46 cells. */
+static const double MIDDLE_FIRST = 0.2, MIDDLE_RANGE = 0.6, LARGEST = 0.46, REACH = 1.05;
+
 /* Most places lie outside: the hashes are drawn one by one until that is known. */
 static void flower(const tsuya_studio_weave *w, float rgb[3], long long i, long long j, double u, double v, double cell)
 {
-    const double reach = 1.05, largest = 0.46 * cell;
-    double x = u - ((double)i + 0.2 + 0.6 * hash(w, 11, i, j)) * cell;
-    if (fabs(x) > reach * largest) {
+    const double farthest = REACH * LARGEST * cell;
+    double x = u - ((double)i + MIDDLE_FIRST + MIDDLE_RANGE * hash(w, 11, i, j)) * cell;
+    if (fabs(x) > farthest) {
         return;
     }
-    double y = v - ((double)j + 0.2 + 0.6 * hash(w, 12, i, j)) * cell, square = x * x + y * y;
-    if (square > reach * largest * reach * largest) {
+    double y = v - ((double)j + MIDDLE_FIRST + MIDDLE_RANGE * hash(w, 12, i, j)) * cell, square = x * x + y * y;
+    if (square > farthest * farthest) {
         return;
     }
     double size = cell * (0.26 + 0.2 * hash(w, 13, i, j)), r = sqrt(square) / size;
-    if (r > reach) {
+    if (r > REACH) {
         return;
     }
     double angle = atan2(y, x) + 6.3 * hash(w, 14, i, j);
@@ -72,9 +75,16 @@ static void flower(const tsuya_studio_weave *w, float rgb[3], long long i, long 
     mix(rgb, petal, inside);
 }
 
+/* Which neighbours' flowers can reach a place of its cell, in [0, 1) from side to side. */
+static int before(double place) { return place < REACH * LARGEST - MIDDLE_FIRST ? -1 : 0; }
+static int after(double place) { return place > MIDDLE_FIRST + 1.0 - REACH * LARGEST ? 1 : 0; }
+
 static void border(const tsuya_studio_weave *w, float rgb[3], double u, double v)
 {
     double side = fmax(fabs(u), fabs(v)), along = fabs(u) > fabs(v) ? v : u, inward = w->half_side_m - side;
+    if (inward > 0.02) {
+        return;
+    }
     mix(rgb, BORDER, 1.0 - smooth(0.016, 0.001, inward));
     double zigzag = 0.008 + 0.003 * (fabs(fmod(fabs(along) / 0.006, 2.0) - 1.0) - 0.5) * 2.0;
     mix(rgb, GOLD, (1.0 - smooth(0.0016, 0.0008, fabs(inward - zigzag))) * smooth(0.0, 0.001, inward));
@@ -97,10 +107,10 @@ void tsuya_studio_dye_at(const tsuya_studio_weave *w, double u, double v, float 
     double a = (u + v) / 0.009, b = (u - v) / 0.009;
     double line = fmin(fabs(a - floor(a) - 0.5), fabs(b - floor(b) - 0.5));
     mix(rgb, GOLD, (ground == 0 ? 0.7 : 0.25) * (1.0 - smooth(0.10, 0.06, line)));
-    long long i = (long long)floor(u / cell), j = (long long)floor(v / cell);
-    for (long long dj = -1; dj <= 1; dj++) {
-        for (long long di = -1; di <= 1; di++) {
-            flower(w, rgb, i + di, j + dj, u, v, cell);
+    double x = u / cell, y = v / cell, i = floor(x), j = floor(y);
+    for (int dj = before(y - j); dj <= after(y - j); dj++) {
+        for (int di = before(x - i); di <= after(x - i); di++) {
+            flower(w, rgb, (long long)i + di, (long long)j + dj, u, v, cell);
         }
     }
     border(w, rgb, u, v);
@@ -118,7 +128,18 @@ static void tint(const tsuya_studio_weave *w, tsuya_studio_yarn *yarn, long long
 }
 
 /* A yarn's round back, and the hollow beside it where light does not get. */
-static double hollow(double f) { return 1.0 - 0.6 * pow(2.0 * fabs(f), 4.0); }
+static double hollow(double f)
+{
+    double square = 4.0 * f * f;
+    return 1.0 - 0.6 * square * square;
+}
+
+/* Where a yarn dives under the next. */
+static double end(double along, int fours)
+{
+    double square = 4.0 * along * along, fourth = square * square;
+    return 1.0 - 0.5 * (fours == 3 ? fourth * fourth * fourth : fourth * fourth);
+}
 
 tsuya_studio_yarn tsuya_studio_weave_at(const tsuya_studio_weave *w, double u, double v)
 {
@@ -132,11 +153,11 @@ tsuya_studio_yarn tsuya_studio_weave_at(const tsuya_studio_weave *w, double u, d
         double along = ((double)(phase - 1) + fx + 0.5) / 4.0 - 0.5; /* of the float, in [−½, ½] */
         yarn.across = 2.2 * fy;
         yarn.along = 6.0 * along * along * along;
-        tint(w, &yarn, (long long)j, u, hollow(fy) * (1.0 - 0.5 * pow(2.0 * fabs(along), 12.0)));
+        tint(w, &yarn, (long long)j, u, hollow(fy) * end(along, 3));
     } else {
         yarn.across = 2.2 * fx;
         yarn.along = 1.5 * fy;
-        tint(w, &yarn, (long long)i, v, hollow(fx) * (1.0 - 0.5 * pow(2.0 * fabs(fy), 8.0)));
+        tint(w, &yarn, (long long)i, v, hollow(fx) * end(fy, 2));
     }
     return yarn;
 }

@@ -4,7 +4,7 @@
 #include "app/gather_input.h"
 #include "brdf/fit.h"
 #include "capture/simulate_parts.h"
-#include "capture/simulate_shots.h"
+#include "capture/studio.h"
 
 #include <math.h>
 
@@ -36,10 +36,11 @@ static const char SWATCH[] =
     "cloth: {kind: closed, side_m: 0.3, spacing_m: 0.03, reflectance: satin, weft_mm: 0.9, warp_mm: 0.7}\n"
     "camera: {size: [120, 90], focal_px: 200, spp: 4, f_number: 0, format: tif, full_well_e: 60000}\n"
     "views: [{count: 3, elevation_deg: 30, distance_m: 3}]\nhold_out: 0\n"
-    "goniometer: {tilt_step_deg: 9, photos: true, spectra: true}\n";
+    "goniometer: {tilt_step_deg: 9, dye: [0.36, 0.3, 0.25], photos: true, spectra: true}\n";
 
 /* e_cbrt of a material on the truth's directions, and on stage positions between the photographed ones. */
-static void compare_material(double *everywhere, double *between, const tsuya_material *material, const tsuya_microcylinder *cloth, const char *table)
+static void compare_material(double *everywhere, double *between, const tsuya_material *material, const tsuya_microcylinder *cloth,
+                             const float dye[3], const char *table)
 {
     tsuya_samples truth;
     double *g;
@@ -55,7 +56,7 @@ static void compare_material(double *everywhere, double *between, const tsuya_ma
         double azimuth = 22.5 * (k / 12), tilt = 4.5 + 7.0 * (k % 12 - 6);
         truth.wi[k] = tsuya_goniometer_direction(30, 0, azimuth, tilt);
         truth.wo[k] = tsuya_goniometer_direction(30, 180, azimuth, tilt);
-        tsuya_simulate_reflect(cloth, truth.wi[k], truth.wo[k], truth.value + 3 * k);
+        tsuya_studio_reflectance(cloth, dye, truth.wi[k], truth.wo[k], truth.value + 3 * k);
     }
     tsuya_material_predict(g, material, &truth);
     *between = tsuya_samples_error(&truth, g, -1).cbrt;
@@ -74,6 +75,7 @@ static void swatch_photographs_give_the_cloth(void **state)
     tsuya_context context = tsuya_context_default();
     tsuya_gather_session session;
     tsuya_gathered out;
+    const float dye[3] = {0.36f, 0.3f, 0.25f};
     options.pattern = false;
     const tsuya_gather_paths paths = {.photos = in(folder, "swatch"), .poses = in(folder, "truth/swatch"), .surface = in(folder, "truth/swatch.ply"),
                                       .lights = in(folder, "swatch/lights.json"), .reference = in(folder, "swatch/reference.csv"), .lamps_with_camera = true};
@@ -81,7 +83,7 @@ static void swatch_photographs_give_the_cloth(void **state)
     assert_ok(tsuya_gather_finish(&out, session.gather));
     double *truth = calloc(3 * (size_t)out.samples.count, sizeof *truth), logs = 0.0, everywhere, between;
     for (int k = 0; k < out.samples.count; k++) {
-        tsuya_simulate_reflect(cloth, out.samples.wi[k], out.samples.wo[k], truth + 3 * k);
+        tsuya_studio_reflectance(cloth, dye, out.samples.wi[k], out.samples.wo[k], truth + 3 * k);
         logs += log(out.samples.value[3 * k + 1] / truth[3 * k + 1]) / out.samples.count;
     }
     double rows = tsuya_samples_error(&out.samples, truth, -1).cbrt;
@@ -89,7 +91,7 @@ static void swatch_photographs_give_the_cloth(void **state)
     tsuya_material *material;
     const tsuya_fit_options fit = {.name = "swatch", .model = "yarn", .tolerance = NAN};
     assert_ok(tsuya_brdf_fit(&material, &info, NULL, NULL, &out.samples, &fit, &context));
-    compare_material(&everywhere, &between, material, cloth, in(folder, "truth/reflectance.csv"));
+    compare_material(&everywhere, &between, material, cloth, dye, in(folder, "truth/reflectance.csv"));
     print_message("%d photographs, %d rows: scale off by %+.1f %%, rows e_cbrt %.3f; fitted: %.3f between the positions, %.3f over both hemispheres\n",
                   session.photos, out.samples.count, 100.0 * (exp(logs) - 1.0), rows, between, everywhere);
     assert_true(fabs(logs) < 0.05);

@@ -77,7 +77,8 @@ static void finer_cells_drape_alike(void **state)
     for (int k = 0; k < 2; k++) {
         double coefficient[MESHES], used[MESHES], spread;
         for (int m = 0; m < MESHES; m++) {
-            swatch w = {k ? 0.03 : 0.02, spacing_m[m], TWIST, 1};
+            swatch w = swatch_alike(k ? 0.03 : 0.02);
+            w.spacing_m = spacing_m[m];
             used[m] = cpu_s();
             coefficient[m] = settled(&w, k ? 1 : 4, &spread).coefficient;
             used[m] = cpu_s() - used[m];

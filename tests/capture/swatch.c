@@ -84,16 +84,19 @@ static void lay_unevenly(tsuya_drape_sheet *sheet, uint64_t seed)
     }
 }
 
+swatch swatch_alike(double bending_length_m) { return (swatch){bending_length_m, 1.0, TWIST, 0.01, 1}; }
+
 draped cusick(const swatch *w, uint64_t seed, double **positions)
 {
-    const double mass = 0.15;
-    tsuya_drape_fabric f = plain(mass, mass * GRAVITY * pow(w->bending_length_m, 3.0));
+    const double mass = 0.15, weft_m = 2.0 * w->bending_length_m / (1.0 + w->ratio);
+    tsuya_drape_fabric f = plain(mass, mass * GRAVITY * pow(weft_m, 3.0));
     tsuya_drape_sheet sheet;
     tsuya_drape_options o = tsuya_drape_options_default();
     tsuya_drape_info info;
     draped d;
     size_t crossings;
-    f.twist_nm *= w->twist / TWIST;
+    f.bend_warp_nm *= pow(w->ratio, 3.0);
+    f.twist_nm = w->twist * (f.bend_weft_nm + f.bend_warp_nm);
     o.self_contact = false;
     o.steps_most = 400;
     assert_ok(tsuya_drape_sheet_disc(&sheet, 0.15, 0.09, w->spacing_m));

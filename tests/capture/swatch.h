@@ -8,7 +8,7 @@ static const double GRAVITY = 9.81;
 /* Twist over both bending rigidities, between what measured cloth shows by the two readings in drape.h. */
 static const double TWIST = 0.9;
 
-/* Alike along weft and warp; its twist is TWIST of a plate's. */
+/* Alike along weft and warp. */
 tsuya_drape_fabric plain(double mass, double bend);
 /* Tip of a heavy elastica clamped level, length 1: B θ'' = −w (1 − s) cos θ (θ downwards). */
 void elastica(double w_over_b, double *x, double *drop);
@@ -18,9 +18,13 @@ void run(tsuya_drape_info *info, tsuya_drape_sheet *sheet, const tsuya_drape_fab
 
 /* 30 cm on an 18 cm disc. */
 typedef struct swatch {
-    double bending_length_m, spacing_m, twist;
+    double bending_length_m; /* mean of weft and warp */
+    double ratio;            /* of warp to weft */
+    double twist, spacing_m;
     int threads;
 } swatch;
+/* Alike along weft and warp, in cells of 1 cm. */
+swatch swatch_alike(double bending_length_m);
 typedef struct draped {
     double coefficient, energy_j; /* share of the ring in the shadow, % */
     int folds;

@@ -111,7 +111,9 @@ static void threads_do_not_matter(void **state)
     (void)state;
     double *position[2];
     for (int k = 0; k < 2; k++) {
-        swatch w = {0.02, 0.015, TWIST, k ? 4 : 1};
+        swatch w = swatch_alike(0.02);
+        w.spacing_m = 0.015;
+        w.threads = k ? 4 : 1;
         cusick(&w, 3, &position[k]);
     }
     assert_memory_equal(position[0], position[1], 3 * 331 * sizeof(double));

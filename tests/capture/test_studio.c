@@ -3,6 +3,7 @@
 
 #include "capture/studio.h"
 #include "capture/studio_sensor.h"
+#include "capture/studio_spread.h"
 #include "core/photo.h"
 #include "core/raster.h"
 
@@ -228,6 +229,32 @@ static void the_mosaic_lies_on_the_photon_transfer_line(void **state)
     }
 }
 
+/* A pixel's width and a Gaussian: the variance of both, half on either side, and what lies within half a pixel by the integral. */
+static void a_pixel_sees_its_width_and_the_blur(void **state)
+{
+    (void)state;
+    static const double sigma[] = {0.0, 0.3, 0.6, 2.0}, within[] = {1.0, 0.760702, 0.545061, 0.195417};
+    enum { DRAWS = 100000 };
+    for (int k = 0; k < 4; k++) {
+        tsuya_studio_spread spread;
+        double sum = 0.0, squares = 0.0, near = 0.0;
+        tsuya_studio_spread_fill(&spread, sigma[k]);
+        for (int i = 0; i < DRAWS; i++) {
+            double x = tsuya_studio_spread_at(&spread, (i + 0.5) / DRAWS);
+            sum += x;
+            squares += x * x / DRAWS;
+            near += fabs(x) <= 0.5 ? 1.0 / DRAWS : 0.0;
+        }
+        print_message("blur %.1f px: variance %.4f px2, %.4f within the pixel\n", sigma[k], squares, near);
+        assert_true(fabs(sum) < 1e-6 * DRAWS);
+        assert_true(fabs(squares / (1.0 / 12.0 + sigma[k] * sigma[k]) - 1.0) < 0.005);
+        assert_true(fabs(near - within[k]) < 0.002);
+    }
+    tsuya_studio_spread spread;
+    tsuya_studio_spread_fill(&spread, 0.6);
+    assert_true(isfinite(tsuya_studio_spread_at(&spread, 0.0)) && isfinite(tsuya_studio_spread_at(&spread, 1.0)));
+}
+
 static void exif_reads_back(void **state)
 {
     (void)state;
@@ -262,6 +289,7 @@ int main(void)
         cmocka_unit_test(threads_do_not_matter),
         cmocka_unit_test(noise_lies_on_the_photon_transfer_line),
         cmocka_unit_test(the_mosaic_lies_on_the_photon_transfer_line),
+        cmocka_unit_test(a_pixel_sees_its_width_and_the_blur),
         cmocka_unit_test(exif_reads_back),
     };
     return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
