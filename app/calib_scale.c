@@ -1,12 +1,16 @@
 #include "app/calib_scale.h"
 
 #include "calib/detect.h"
+#include "calib/edge_bias.h"
 #include "core/table.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 static const double MARKED_SIGMA_PX = 0.7; /* of a point marked by hand */
+enum { PAIRS_LEAST = 12 }; /* of neighbouring tags, to believe what they say of the edges */
+static const double CERTAIN = 3.0;
 
 static tsuya_status take_board(tsuya_calib_scale *s, const tsuya_board *board)
 {
@@ -73,6 +77,18 @@ static tsuya_status none_seen(const char *path, const tsuya_board *board, const 
                       photos, foreign ? "; tags with other ids are: is this the right board file?" : "");
 }
 
+/* Tags that look too large or too small beside the distances between them would pull cameras apart that see them from two sides. */
+static tsuya_status straighten(tsuya_calib_scale *s, tsuya_corner_set *corners, const tsuya_board *board)
+{
+    tsuya_edge_bias bias;
+    TSUYA_TRY(tsuya_edge_bias_measure(&bias, corners, board));
+    if (bias.pairs >= PAIRS_LEAST && fabs(bias.bias) > CERTAIN * bias.sigma) {
+        tsuya_edge_bias_remove(corners, bias.bias);
+        s->input.edge_bias = bias.bias;
+    }
+    return TSUYA_OK;
+}
+
 static tsuya_status detect(tsuya_calib_scale *s, const tsuya_board *board, const tsuya_photo_set *photos, const tsuya_context *context)
 {
     tsuya_corner_set corners;
@@ -85,7 +101,8 @@ static tsuya_status detect(tsuya_calib_scale *s, const tsuya_board *board, const
         path[i] = photos->photo[i].path;
     }
     TSUYA_TRY(tsuya_detect_photos(&corners, &info, board, path, photos->count, context));
-    tsuya_status status = corners.count ? take_corners(s, &corners, board) : none_seen(s->input.source, board, &info, photos->count);
+    tsuya_status status = straighten(s, &corners, board);
+    status = status != TSUYA_OK ? status : corners.count ? take_corners(s, &corners, board) : none_seen(s->input.source, board, &info, photos->count);
     tsuya_corner_set_free(&corners);
     tsuya_detect_info_free(&info);
     return status;

@@ -28,6 +28,7 @@ set(TSUYA_PUBLIC_HEADERS
   calib/corners.h
   calib/covariance.h
   calib/detect.h
+  calib/edge_bias.h
   calib/lamp.h
   calib/mrcal_inputs.h
   calib/projection.h

@@ -233,6 +233,9 @@ void tsuya_scale_info_to_json(tsuya_json *object, const tsuya_scale_info *info, 
     tsuya_json_set_number(object, "photos", info->photos);
     tsuya_json_set_number(object, "points", info->points);
     tsuya_json_set_number(object, "points_lost", info->points_lost);
+    if (input->tag_count > 0) {
+        tsuya_json_set_number(object, "edge_bias", input->edge_bias);
+    }
     tsuya_json_set_number(object, "reprojection_px", info->reprojection_px);
     tsuya_json_set_text(object, "frame", info->reference >= 0 ? input->plate[info->reference] : "kept");
     if (input->tag_count) {

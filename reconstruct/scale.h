@@ -47,6 +47,7 @@ typedef struct tsuya_scale_input {
     int plate_count;
     const tsuya_scale_distance *distance;
     int distance_count;
+    double edge_bias;                     /* blur widths that the sightings were moved by, already; for the record */
 } tsuya_scale_input;
 
 enum { TSUYA_SCALE_PLATES = 32 };
