@@ -1,7 +1,7 @@
 #include "app/stage.h"
 
 const tsuya_stage tsuya_stages[TSUYA_STAGE_COUNT] = {
-    {"capture", 5, tsuya_stage_capture_plan, tsuya_stage_capture_run},
+    {"capture", 6, tsuya_stage_capture_plan, tsuya_stage_capture_run},
     {"calib", 4, tsuya_stage_calib_plan, tsuya_stage_calib_run},
     {"reconstruct", 8, tsuya_stage_reconstruct_plan, tsuya_stage_reconstruct_run},
     {"weave", 7, tsuya_stage_weave_plan, tsuya_stage_weave_run},

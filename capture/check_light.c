@@ -1,6 +1,6 @@
 /* Is a photograph as bright and as coloured as the others that show the same surface?
  *
- * Two photographs share patches of surface.  The median over them of log2 of one's light over the other's is what the pair says, the
+ * Two photographs share patches of surface, of a like size in both.  The median over them of log2 of one's light over the other's is what the pair says, the
  * median deviation from it (shine that moves with the camera, mostly) is how sure it is: a difference within its own spread counts as none.
  * A photograph stands out by what its neighbours agree on: the middle one of what they say, and nothing where the two middle ones
  * disagree in sign, so that one spoilt photograph does not spoil its neighbours' names.  Cameras that measure light themselves write down what
@@ -17,6 +17,7 @@
 #include <math.h>
 
 enum { SWEEPS = 500, FEWEST_PATCHES = 10, FEWEST_NEIGHBOURS = 2 };
+static const double SAME_SCALE = 2.0; /* beyond it a pattern's colours run into each other in one photograph and not in the other */
 static const double SHINE = 0.5;     /* of a colour that shine takes from one photograph to another */
 static const double NORMAL = 1.4826; /* standard deviation over median absolute deviation */
 
@@ -70,10 +71,30 @@ static void tell_gain(double *gain, double *spread, const patch *p, int n, doubl
     *spread = hypot(spread_about(p, n, *gain, slope, list), mean * sqrt(doubt));
 }
 
+/* How much larger a shows than b what both show: by the distances between features.  1 where there are none. */
+static double magnification(const tsuya_check_sight *a, const tsuya_check_sight *b, const tsuya_feature_pair *pair, int count, double *list)
+{
+    int n = 0;
+    for (int k = 0; k + 1 < count; k++) {
+        double x[4], y[4];
+        for (int i = 0; i < 2; i++) {
+            tsuya_features_place(a->features, pair[k + i].a, &x[i], &y[i]);
+            tsuya_features_place(b->features, pair[k + i].b, &x[2 + i], &y[2 + i]);
+        }
+        double one = hypot(x[1] - x[0], y[1] - y[0]) / a->work_scale, other = hypot(x[3] - x[2], y[3] - y[2]) / b->work_scale;
+        if (one > 0.0 && other > 0.0) {
+            list[n++] = one / other;
+        }
+    }
+    return n > 0 ? tsuya_check_median(list, n) : 1.0;
+}
+
 void tsuya_check_compare_light(tsuya_check_relation *r, const tsuya_check_sight *a, const tsuya_check_sight *b, const tsuya_feature_pair *pair,
                                double *list)
 {
     patch *p = (patch *)list; /* two numbers each; what follows is room to sort */
+    double larger = magnification(a, b, pair, r->shared, list);
+    bool comparable = larger < SAME_SCALE && larger > 1.0 / SAME_SCALE;
     for (int c = 0; c < 3; c++) {
         int n = 0;
         for (int k = 0; k < r->shared; k++) {
@@ -84,7 +105,7 @@ void tsuya_check_compare_light(tsuya_check_relation *r, const tsuya_check_sight 
             }
         }
         r->ratio[c] = r->spread[c] = NAN;
-        if (n >= FEWEST_PATCHES) {
+        if (comparable && n >= FEWEST_PATCHES) {
             tell_gain(&r->ratio[c], &r->spread[c], p, n, list + 2 * (ptrdiff_t)n);
         }
     }
