@@ -5,7 +5,8 @@
 
 #include <math.h>
 
-/* G. E. Cusick, "The dependence of fabric drape on bending and shear stiffness", J. Text. Inst. 56 (1965) T596-T606: the regression over
+/* G. E. Cusick, "The dependence of fabric drape on bending and shear stiffness", J. Text. Inst. 56 (1965) T596-T606,
+ * doi:10.1080/19447026508662319: the regression over
  * 130 fabrics of a 30 cm swatch on an 18 cm disc, %; c the bending length, a the angle of shear at which the fabric begins to buckle. */
 static double cusick_1965(double c_cm, double a_deg)
 {
