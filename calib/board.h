@@ -55,4 +55,9 @@ static inline tsuya_vec3 tsuya_board_corner(const tsuya_board *board, int tag, i
     return (tsuya_vec3){c.x, c.y, 0.0};
 }
 
+static inline tsuya_vec2 tsuya_board_tag_middle(const tsuya_board_tag *tag)
+{
+    return (tsuya_vec2){0.5 * (tag->corner_m[0].x + tag->corner_m[2].x), 0.5 * (tag->corner_m[0].y + tag->corner_m[2].y)};
+}
+
 #endif

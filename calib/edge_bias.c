@@ -37,17 +37,11 @@ static bool take_tag(seen_tag *t, const tsuya_corner *corner, const tsuya_board 
     return good;
 }
 
-static tsuya_vec2 middle_of(const tsuya_board_tag *t)
-{
-    return (tsuya_vec2){0.25 * (t->corner_m[0].x + t->corner_m[1].x + t->corner_m[2].x + t->corner_m[3].x),
-                        0.25 * (t->corner_m[0].y + t->corner_m[1].y + t->corner_m[2].y + t->corner_m[3].y)};
-}
-
 /* Of b's middle: as b shows it, from where a's size puts it. */
 static bool make_pair(pair *p, const seen_tag *a, const seen_tag *b, const tsuya_board *board)
 {
     const tsuya_board_tag *ta = &board->tag[a->tag], *tb = &board->tag[b->tag];
-    tsuya_vec2 ma = middle_of(ta), mb = middle_of(tb), off[2];
+    tsuya_vec2 ma = tsuya_board_tag_middle(ta), mb = tsuya_board_tag_middle(tb), off[2];
     double side = hypot(ta->corner_m[1].x - ta->corner_m[0].x, ta->corner_m[1].y - ta->corner_m[0].y), away = hypot(mb.x - ma.x, mb.y - ma.y);
     if (ta->plate != tb->plate || away > NEAR * side) {
         return false;

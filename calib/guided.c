@@ -11,21 +11,16 @@ static const double ENOUGH = 0.75;
 
 typedef struct anchor { int index, tag; double distance; } anchor;
 
-static tsuya_vec2 middle_of(const tsuya_board_tag *tag)
-{
-    return (tsuya_vec2){0.5 * (tag->corner_m[0].x + tag->corner_m[2].x), 0.5 * (tag->corner_m[0].y + tag->corner_m[2].y)};
-}
-
 /* The nearest sightings on the tag's plate. */
 static int nearest(anchor out[NEAREST], const tsuya_tag_sighting *seen, const int *tag_of, int count, const tsuya_board *board, int tag)
 {
     int n = 0;
-    tsuya_vec2 here = middle_of(&board->tag[tag]);
+    tsuya_vec2 here = tsuya_board_tag_middle(&board->tag[tag]);
     for (int i = 0; i < count; i++) {
         if (board->tag[tag_of[i]].plate != board->tag[tag].plate) {
             continue;
         }
-        tsuya_vec2 there = middle_of(&board->tag[tag_of[i]]);
+        tsuya_vec2 there = tsuya_board_tag_middle(&board->tag[tag_of[i]]);
         anchor a = {i, tag_of[i], hypot(there.x - here.x, there.y - here.y)};
         int at = n < NEAREST ? n++ : a.distance < out[NEAREST - 1].distance ? NEAREST - 1 : -1;
         for (; at > 0 && out[at - 1].distance > a.distance; at--) {

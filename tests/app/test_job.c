@@ -197,8 +197,10 @@ static void refuse_files(const char *more, bool rendered, const char *part)
 static void test_files_of_later_stages_are_read_at_once(void **state)
 {
     (void)state;
-    static const char green[] = "# light_theta_deg=30 light_phi_deg=0\n# view_theta_deg=30 view_phi_deg=180 quantity=brdf\nazimuth_deg,tilt_deg,nm550\n0,0,0.3\n0,3,0.2\n";
-    static const char colors[] = "# light_theta_deg=30 light_phi_deg=0\n# view_theta_deg=30 view_phi_deg=180 quantity=brdf\nazimuth_deg,tilt_deg,r,g,b\n0,0,0.3,0.2,0.1\n";
+    static const char green[] =
+        "# light_theta_deg=30 light_phi_deg=0\n# view_theta_deg=30 view_phi_deg=180 quantity=brdf\nazimuth_deg,tilt_deg,nm550\n0,0,0.3\n0,3,0.2\n";
+    static const char colors[] =
+        "# light_theta_deg=30 light_phi_deg=0\n# view_theta_deg=30 view_phi_deg=180 quantity=brdf\nazimuth_deg,tilt_deg,r,g,b\n0,0,0.3,0.2,0.1\n";
     static const char lamps[] = "{\"lights\": [{\"type\": \"point\", \"position_m\": [0, 0, 1], \"rgb\": [1, 1, 1]}]}";
     static const char sun[] = "{\"lights\": [{\"type\": \"sun\"}]}", moon[] = "{\"preset\": \"moon\"}";
     assert_ok(tsuya_file_write(test_path("in/green.csv"), green, strlen(green)));

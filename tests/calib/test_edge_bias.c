@@ -12,7 +12,8 @@ enum { PHOTOS = 6 };
 static tsuya_pose pose_of(int photo)
 {
     double tilt = tsuya_rad_from_deg(20.0 + 8.0 * photo), turn = tsuya_rad_from_deg(50.0 * photo);
-    tsuya_mat3 r = tsuya_mat3_multiply(tsuya_mat3_from_rodrigues((tsuya_vec3){M_PI - tilt, 0, 0}), tsuya_mat3_from_rodrigues((tsuya_vec3){0, 0, turn}));
+    tsuya_mat3 about_z = tsuya_mat3_from_rodrigues((tsuya_vec3){0, 0, turn});
+    tsuya_mat3 r = tsuya_mat3_multiply(tsuya_mat3_from_rodrigues((tsuya_vec3){M_PI - tilt, 0, 0}), about_z);
     tsuya_vec3 middle = tsuya_mat3_apply(r, (tsuya_vec3){0.15, 0.15, 0.0});
     return (tsuya_pose){r, {-middle.x, -middle.y, 0.9 - middle.z}};
 }
@@ -21,7 +22,8 @@ static tsuya_pose pose_of(int photo)
 static void see(tsuya_corner_set *corners, const tsuya_board *board, double bias, double noise_px, int stride)
 {
     static const char *const name[PHOTOS] = {"a", "b", "c", "d", "e", "f"};
-    const tsuya_camera camera = {.lens = TSUYA_LENS_OPENCV8, .width_px = 800, .height_px = 600, .fx_px = 1000, .fy_px = 1000, .cx_px = 400, .cy_px = 300, .distortion = {-0.08, 0.02}};
+    const tsuya_camera camera = {.lens = TSUYA_LENS_OPENCV8, .width_px = 800, .height_px = 600, .fx_px = 1000, .fy_px = 1000, .cx_px = 400, .cy_px = 300,
+                                 .distortion = {-0.08, 0.02}};
     uint64_t counter = 0;
     assert_ok(tsuya_corner_set_create(corners, name, PHOTOS));
     for (int photo = 0; photo < PHOTOS; photo++) {
@@ -36,7 +38,8 @@ static void see(tsuya_corner_set *corners, const tsuya_board *board, double bias
             }
             for (int c = 0; inside && c < 4; c++) {
                 tsuya_vec2 spread = {at[c].x > middle.x ? 0.7 : -0.7, at[c].y > middle.y ? 0.7 : -0.7};
-                tsuya_corner k = {.photo = photo, .tag_id = board->tag[t].id, .corner = c, .sigma_px = fmax(noise_px, 0.01), .spread_x_px = spread.x, .spread_y_px = spread.y};
+                tsuya_corner k = {.photo = photo, .tag_id = board->tag[t].id, .corner = c, .sigma_px = fmax(noise_px, 0.01), .spread_x_px = spread.x,
+                                  .spread_y_px = spread.y};
                 k.x_px = at[c].x + bias * spread.x + noise_px * tsuya_random_normal(3, 0, counter);
                 k.y_px = at[c].y + bias * spread.y + noise_px * tsuya_random_normal(3, 1, counter++);
                 assert_ok(tsuya_corner_set_add(corners, k));
