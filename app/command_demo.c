@@ -12,7 +12,7 @@
 /* What is made: docs/capture.md explains the keys.  Another text makes an earlier demo's photographs anew. */
 static const char QUICK[] =
     "# The scene of `tsuya demo`, 5: `tsuya capture simulate scene.yaml -o DIR` makes the same photographs.\n"
-    "camera: {size: [800, 600], focal_px: 1006, distortion: [-0.04, 0.01, 0, 0], f_number: 22, bayer: true, blur_px: 0.6, full_well_e: 500000, "
+    "camera: {size: [800, 600], focal_px: 1006, distortion: [-0.04, 0.01, 0, 0], f_number: 22, bayer: true, blur_px: 0.6, spp: 4, full_well_e: 500000, "
     "jpeg_quality: 97}\n"
     "views:\n"
     "  - {count: 6, elevation_deg: 8, azimuth_deg: 90, sweep_deg: 130, distance_m: 0.95}\n"

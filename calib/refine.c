@@ -7,7 +7,8 @@
 
 enum { TONE_TAGS = 20, TONE_ROUNDS = 6, MOST_PASSES = 3 };
 
-static const double SRGB_TONE = 2.2;
+/* Steeper than TONE_MOST is no camera's curve but sharpening, the colour filter's interpolation for one, which an edge shows alike. */
+static const double SRGB_TONE = 2.2, TONE_MOST = 2.8;
 
 typedef struct quad { tsuya_edge edge[4]; } quad;
 typedef struct tag_code { int cells, border_bits; } tag_code;
@@ -237,6 +238,9 @@ double tsuya_refine_common_tone(tsuya_refine_tone *tone, int count)
     }
     /* In-camera sharpening is no tone curve; photographs that disagree say so. */
     double spread = count > 2 ? tone[count - 1 - count / 6].gamma - tone[count / 6].gamma : 0.0;
+    if (gamma > TONE_MOST) {
+        return SRGB_TONE;
+    }
     return weight > 0.0 && spread < 0.6 && fabs(gamma - 1.0) > 3.0 / sqrt(weight) ? gamma : 1.0;
 }
 

@@ -43,7 +43,8 @@ typedef struct tsuya_refine_tone {
 TSUYA_API tsuya_refine_tone tsuya_refine_estimate_tone(const tsuya_image *grey, const tsuya_tag_sighting *sighting, int count, int cells,
                                                        int border_bits);
 /* One γ for a camera: the weighted median of its photographs' (which are sorted on the way); 1 where that is not told from 1,
- * or where photographs disagree (the solve then finds what is left: tsuya_solve.edge_bias). */
+ * or where photographs disagree; sRGB's about 2.2 where it is above 2.8, which sharpening makes of it (the solve then finds what is
+ * left: tsuya_solve.edge_bias). */
 TSUYA_API double tsuya_refine_common_tone(tsuya_refine_tone *tone, int count);
 
 typedef struct tsuya_refine_options {

@@ -12,6 +12,7 @@
 #include <string.h>
 
 static const float OFFSET_M = 5e-5f; /* where rays leave a surface; far below the mesh's spacing */
+static const double STEEP_LEAST = 0.02; /* cosine: what a beam stands for on a plane stays finite */
 enum { STREAM_LAMP = 1000, STREAM_AMBIENT = 2000 };
 
 static tsuya_vec3 at(const float *vectors, size_t i) { return (tsuya_vec3){vectors[3 * i], vectors[3 * i + 1], vectors[3 * i + 2]}; }
@@ -22,7 +23,24 @@ tsuya_vec3 tsuya_studio_interpolate(const float *vectors, const uint32_t *t, con
     return tsuya_vec3_mad(tsuya_vec3_mad(sum, w[1], at(vectors, t[1])), w[2], at(vectors, t[2]));
 }
 
-static void prop_albedo(const tsuya_studio *s, const tsuya_ray_hit *hit, const double w[3], float rgb[3])
+/* Where the beam's axis meets a print, and how far it spreads there along the print's x and y: the standard deviation of its square and of
+ * the pupil's disc, laid on the plane, as the width of an even box.  False where the plane is seen from its edge. */
+static bool lay_down(tsuya_vec3 *at, double spread_m[2], const tsuya_studio_print *print, const studio_beam *beam)
+{
+    const tsuya_vec3 eye = tsuya_pose_apply(print->print_from_world, beam->eye), d = tsuya_mat3_apply(print->print_from_world.rotation, beam->axis);
+    const double t = -eye.z / d.z;
+    if (!(fabs(d.z) > STEEP_LEAST) || !(t > 0.0)) {
+        return false;
+    }
+    const double unsharp = beam->aperture_m > 0.0 ? 2.0 * beam->aperture_m * fabs(t * beam->depth / beam->focus_m - 1.0) : 0.0;
+    const double width_m = sqrt(t * beam->width * t * beam->width + 0.75 * unsharp * unsharp);
+    spread_m[0] = width_m * sqrt(1.0 + d.x * d.x / (d.z * d.z));
+    spread_m[1] = width_m * sqrt(1.0 + d.y * d.y / (d.z * d.z));
+    *at = tsuya_vec3_mad(eye, t, d);
+    return true;
+}
+
+static void prop_albedo(const tsuya_studio *s, const tsuya_ray_hit *hit, const double w[3], const studio_beam *beam, float rgb[3])
 {
     const uint32_t *t = s->mesh.triangle + 3 * (size_t)hit->triangle;
     size_t end = s->cloth_triangles;
@@ -30,22 +48,27 @@ static void prop_albedo(const tsuya_studio *s, const tsuya_ray_hit *hit, const d
         const tsuya_studio_prop *prop = &s->prop[k];
         end += prop->mesh.triangle_count;
         if (hit->triangle < end) {
+            double spread_m[2] = {0, 0};
+            tsuya_vec3 at;
             memcpy(rgb, prop->albedo, sizeof prop->albedo);
             if (prop->print) {
-                tsuya_studio_print_at(prop->print, tsuya_studio_interpolate(s->mesh.position, t, w), rgb);
+                if (!beam || !lay_down(&at, spread_m, prop->print, beam)) {
+                    at = tsuya_pose_apply(prop->print->print_from_world, tsuya_studio_interpolate(s->mesh.position, t, w));
+                }
+                tsuya_studio_print_at(prop->print, at, spread_m, rgb);
             }
             return;
         }
     }
 }
 
-void tsuya_studio_albedo(const tsuya_studio *s, const tsuya_ray_hit *hit, float rgb[3])
+void tsuya_studio_albedo(const tsuya_studio *s, const tsuya_ray_hit *hit, const studio_beam *beam, float rgb[3])
 {
     const uint32_t *t = s->mesh.triangle + 3 * (size_t)hit->triangle;
     double w[3], u = 0.0, v = 0.0;
     tsuya_studio_weights(hit, w);
     if (hit->triangle >= s->cloth_triangles) {
-        prop_albedo(s, hit, w, rgb);
+        prop_albedo(s, hit, w, beam, rgb);
         return;
     }
     const float *uv = s->cloth->uv;
@@ -128,7 +151,7 @@ static void reflected(const tsuya_studio *s, const tsuya_ray_hit *hit, tsuya_vec
     size_t side = tsuya_vec3_dot(n, direction) > 0.0 ? s->mesh.vertex_count : 0;
     uint32_t slots[3] = {t[0] + (uint32_t)side, t[1] + (uint32_t)side, t[2] + (uint32_t)side};
     tsuya_vec3 irradiance = tsuya_studio_interpolate(s->direct, slots, w);
-    tsuya_studio_albedo(s, hit, albedo);
+    tsuya_studio_albedo(s, hit, NULL, albedo);
     rgb[0] += (double)albedo[0] * irradiance.x / M_PI;
     rgb[1] += (double)albedo[1] * irradiance.y / M_PI;
     rgb[2] += (double)albedo[2] * irradiance.z / M_PI;

@@ -34,20 +34,27 @@ struct tsuya_studio {
 /* Fills arriving, direct, ambient. */
 TSUYA_MUST_CHECK tsuya_status tsuya_studio_light(tsuya_studio *studio, int samples, const tsuya_context *context);
 
+/* What a camera ray stands for: a square of the sensor about `axis`, seen from the whole pupil about `eye`. */
+typedef struct studio_beam {
+    tsuya_vec3 eye, axis;       /* unit */
+    double width;               /* of the square, at a distance of one */
+    double depth;               /* along the camera's axis, at a distance of one */
+    double aperture_m, focus_m; /* radius of the pupil; depth of the sharp plane */
+} studio_beam;
+
 /* Linear light that a camera ray finds where it meets something; `cache` serves the rays of one pixel (zero it first). */
 typedef struct studio_cache {
     bool filled;
     tsuya_vec3 n, wi[TSUYA_STUDIO_LAMPS];
     double surface[TSUYA_STUDIO_LAMPS][3], volume[TSUYA_STUDIO_LAMPS][3]; /* radiance under the whole lamp, of white dye */
 } studio_cache;
-/* width_m: of what the ray stands for, at p, across it. */
-void tsuya_studio_shade(const tsuya_studio *studio, const tsuya_ray_hit *hit, tsuya_vec3 p, tsuya_vec3 direction, double width_m, studio_cache *cache,
-                        double rgb[3]);
+void tsuya_studio_shade(const tsuya_studio *studio, const tsuya_ray_hit *hit, tsuya_vec3 p, tsuya_vec3 direction, const studio_beam *beam,
+                        studio_cache *cache, double rgb[3]);
 /* weave_shade and reflected. */
 void tsuya_studio_measure_gloss(tsuya_studio *studio);
 
-/* What the cloth's dye or a prop reflects at a triangle's point, linear. */
-void tsuya_studio_albedo(const tsuya_studio *studio, const tsuya_ray_hit *hit, float rgb[3]);
+/* What the cloth's dye or a prop reflects at a triangle's point, linear.  With a beam, print over what the beam stands for. */
+void tsuya_studio_albedo(const tsuya_studio *studio, const tsuya_ray_hit *hit, const studio_beam *beam, float rgb[3]);
 static inline void tsuya_studio_weights(const tsuya_ray_hit *hit, double weight[3])
 {
     weight[0] = 1.0 - (double)hit->u - (double)hit->v;

@@ -98,7 +98,7 @@ static tsuya_status printed(tsuya_studio_prop *p, tsuya_pose world_from_print, i
         return TSUYA_ERROR_MEMORY;
     }
     *p->print = (tsuya_studio_print){.print_from_world = tsuya_pose_inverse(world_from_print), .paper = PAPER, .ink = INK, .cols = cols,
-                                     .rows = rows, .size_m = size_m, .gap_m = gap_m};
+                                     .rows = rows, .size_m = size_m, .gap_m = gap_m, .width = 1, .border_width = 1};
     return TSUYA_OK;
 }
 
@@ -162,28 +162,45 @@ tsuya_status tsuya_studio_prop_chart(tsuya_studio_prop *p, tsuya_pose world_from
     return status;
 }
 
-void tsuya_studio_print_at(const tsuya_studio_print *print, tsuya_vec3 p_world, float rgb[3])
+/* A stretch along one axis of a print: within one cell of one tag or patch, or (cell −1) of paper. */
+typedef struct stretch { int tag, cell; double share; } stretch;
+enum { STRETCHES = 32 };
+
+/* Cuts low … high at the edges of cells; `tags`: in this axis.  What is longer than STRETCHES ends with the last. */
+static int cut(stretch out[STRETCHES], const tsuya_studio_print *print, int tags, double low, double high)
 {
-    tsuya_vec3 p = tsuya_pose_apply(print->print_from_world, p_world);
-    double pitch = print->size_m + print->gap_m, cell = print->white ? print->size_m / print->border_width : 0.0;
-    double rim = print->white ? 0.5 * (print->width - print->border_width) * cell : 0.0; /* of the pattern, outside the tag's edge */
-    int col = (int)floor((p.x + 0.5 * print->gap_m) / pitch), row = (int)floor((p.y + 0.5 * print->gap_m) / pitch);
-    rgb[0] = rgb[1] = rgb[2] = print->paper;
-    if (col < 0 || col >= print->cols || row < 0 || row >= print->rows) {
-        return;
+    const double pitch = print->size_m + print->gap_m, cell = print->size_m / print->border_width, rim = 0.5 * (print->width - print->border_width) * cell;
+    const double length = high - low;
+    int n = 0;
+    for (double at = low; n < STRETCHES; n++) {
+        const int tag = (int)floor((at + 0.5 * print->gap_m) / pitch), k = (int)floor((at - tag * pitch + rim) / cell);
+        const bool on = tag >= 0 && tag < tags && k >= 0 && k < print->width;
+        double next = on ? tag * pitch - rim + (k + 1) * cell : k < 0 && tag >= 0 && tag < tags ? tag * pitch - rim : (tag + 1) * pitch - 0.5 * print->gap_m;
+        next = n == STRETCHES - 1 || !(next < high) ? high : fmax(next, at + 1e-6 * cell);
+        out[n] = (stretch){tag, on ? k : -1, length > 0.0 ? (next - at) / length : 1.0};
+        if (next >= high) {
+            return n + 1;
+        }
+        at = next;
     }
-    double x = p.x - col * pitch + rim, y = p.y - row * pitch + rim, side = print->size_m + 2.0 * rim;
-    if (x < 0.0 || x >= side || y < 0.0 || y >= side) {
-        return;
-    }
-    if (!print->white) {
-        memcpy(rgb, print->patch[row * print->cols + col], 3 * sizeof *rgb);
-        return;
-    }
-    int i = (int)(x / cell), j = print->width - 1 - (int)(y / cell);
-    i = i < print->width ? i : print->width - 1;
-    j = j >= 0 ? j : 0;
-    if (!print->white[((size_t)(row * print->cols + col) * (size_t)print->width + (size_t)j) * (size_t)print->width + (size_t)i]) {
-        rgb[0] = rgb[1] = rgb[2] = print->ink;
+    return n;
+}
+
+void tsuya_studio_print_at(const tsuya_studio_print *print, tsuya_vec3 p, const double spread_m[2], float rgb[3])
+{
+    stretch across[STRETCHES], along[STRETCHES];
+    const int columns = cut(across, print, print->cols, p.x - 0.5 * spread_m[0], p.x + 0.5 * spread_m[0]);
+    const int rows = cut(along, print, print->rows, p.y - 0.5 * spread_m[1], p.y + 0.5 * spread_m[1]);
+    rgb[0] = rgb[1] = rgb[2] = 0.0f;
+    for (int k = 0; k < columns * rows; k++) {
+        const stretch *x = &across[k % columns], *y = &along[k / columns];
+        const float paper[3] = {print->paper, print->paper, print->paper}, ink[3] = {print->ink, print->ink, print->ink}, *color = paper;
+        if (x->cell >= 0 && y->cell >= 0) {
+            const size_t tag = (size_t)(y->tag * print->cols + x->tag), row = (size_t)(print->width - 1 - y->cell);
+            color = print->patch ? print->patch[tag] : print->white[(tag * (size_t)print->width + row) * (size_t)print->width + (size_t)x->cell] ? paper : ink;
+        }
+        for (int c = 0; c < 3; c++) {
+            rgb[c] += (float)(x->share * y->share) * color[c];
+        }
     }
 }

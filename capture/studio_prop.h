@@ -12,11 +12,11 @@ typedef struct tsuya_studio_print {
     int cols, rows;
     double size_m, gap_m;        /* of a tag or patch, and between them */
     uint8_t *white;              /* tags: cols × rows patterns of width² cells, from the top; NULL: patches */
-    int width, border_width;     /* of a pattern in cells; of the tag's edge in it */
+    int width, border_width;     /* of a pattern in cells; of the tag's edge in it; 1 and 1: patches */
     float (*patch)[3];           /* cols × rows albedos, linear Rec.709 */
 } tsuya_studio_print;
-/* Albedo at a point of the plate. */
-TSUYA_API void tsuya_studio_print_at(const tsuya_studio_print *print, tsuya_vec3 p_world, float rgb[3]);
+/* Mean albedo about a point in the print's frame, over spread_m (≥ 0) along its x and y. */
+TSUYA_API void tsuya_studio_print_at(const tsuya_studio_print *print, tsuya_vec3 p, const double spread_m[2], float rgb[3]);
 
 typedef struct tsuya_studio_prop {
     tsuya_mesh mesh;           /* position, normal */

@@ -255,8 +255,8 @@ static void shade_yarn(const tsuya_studio *s, const place *at, double u, double 
     }
 }
 
-void tsuya_studio_shade(const tsuya_studio *s, const tsuya_ray_hit *hit, tsuya_vec3 p, tsuya_vec3 direction, double width_m, studio_cache *cache,
-                        double rgb[3])
+void tsuya_studio_shade(const tsuya_studio *s, const tsuya_ray_hit *hit, tsuya_vec3 p, tsuya_vec3 direction, const studio_beam *beam,
+                        studio_cache *cache, double rgb[3])
 {
     place at = {.t = s->mesh.triangle + 3 * (size_t)hit->triangle};
     tsuya_studio_weights(hit, at.w);
@@ -265,7 +265,7 @@ void tsuya_studio_shade(const tsuya_studio *s, const tsuya_ray_hit *hit, tsuya_v
     at.n = tsuya_vec3_scale(at.n, at.back ? -1.0 : 1.0);
     if (hit->triangle >= s->cloth_triangles) {
         float albedo[3];
-        tsuya_studio_albedo(s, hit, albedo);
+        tsuya_studio_albedo(s, hit, beam, albedo);
         shade_matt(s, &at, at.n, albedo, 1.0, rgb);
         return;
     }
@@ -278,6 +278,7 @@ void tsuya_studio_shade(const tsuya_studio *s, const tsuya_ray_hit *hit, tsuya_v
         }
         light_at(&here, s, &at, cache);
     }
+    const double width_m = (double)hit->distance * beam->width;
     double uv[2], step[2][2];
     material_at(uv, step, s, &at, direction, width_m);
     if (width_m < FINE * fmin(s->weave->weft_pitch_m, s->weave->warp_pitch_m)) {

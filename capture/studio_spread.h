@@ -1,20 +1,23 @@
-/* Where a pixel's light comes from along one axis of the sensor: over its own width, spread by a Gaussian (what lens and low-pass filter
- * blur).  Kept as the places below which even shares of it lie, so that rays in strata of the share are strata of the blur as well. */
+/* What a pixel takes of the light around it: over its own square, spread by a Gaussian (what lens and low-pass filter blur), as weights of
+ * the cells that pixels are cut into.  Neighbouring pixels share their cells, as they do behind a lens, so that a ray serves all of them
+ * and an edge is as smooth as its blur.
+ *
+ * One axis; the weights of a cell are the product of both.  Cells are finite, so that the Gaussian is taken narrower by what they spread
+ * themselves: the variance of the whole is that of pixel and blur. */
 #ifndef TSUYA_CAPTURE_STUDIO_SPREAD_H
 #define TSUYA_CAPTURE_STUDIO_SPREAD_H
 
-enum { TSUYA_SPREAD_STEPS = 512 };
-typedef struct tsuya_studio_spread { double place_px[TSUYA_SPREAD_STEPS + 1]; } tsuya_studio_spread;
+#include "core/status.h"
+
+typedef struct tsuya_studio_spread {
+    int side;       /* cells of a pixel */
+    int reach;      /* whole pixels on either side whose cells count */
+    int count;      /* (2 reach + 1) · side */
+    double *weight; /* owned; from the first cell of the pixel that is `reach` before; the sum is 1 */
+} tsuya_studio_spread;
 
 /* sigma_px: of the Gaussian, ≥ 0. */
-void tsuya_studio_spread_fill(tsuya_studio_spread *spread, double sigma_px);
-
-/* From the pixel's middle; share in [0, 1]. */
-static inline double tsuya_studio_spread_at(const tsuya_studio_spread *s, double share)
-{
-    int k = (int)(share * TSUYA_SPREAD_STEPS);
-    k = k < TSUYA_SPREAD_STEPS ? k : TSUYA_SPREAD_STEPS - 1;
-    return s->place_px[k] + (share * TSUYA_SPREAD_STEPS - k) * (s->place_px[k + 1] - s->place_px[k]);
-}
+TSUYA_MUST_CHECK TSUYA_INTERNAL tsuya_status tsuya_studio_spread_create(tsuya_studio_spread *spread, double sigma_px, int side);
+TSUYA_INTERNAL void tsuya_studio_spread_free(tsuya_studio_spread *spread);
 
 #endif

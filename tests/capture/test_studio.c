@@ -229,30 +229,33 @@ static void the_mosaic_lies_on_the_photon_transfer_line(void **state)
     }
 }
 
-/* A pixel's width and a Gaussian: the variance of both, half on either side, and what lies within half a pixel by the integral. */
+/* A pixel's width and a Gaussian, in cells: the variance of both, evenly on either side, and what lies within half a pixel by the integral. */
 static void a_pixel_sees_its_width_and_the_blur(void **state)
 {
     (void)state;
     static const double sigma[] = {0.0, 0.3, 0.6, 2.0}, within[] = {1.0, 0.760702, 0.545061, 0.195417};
-    enum { DRAWS = 100000 };
-    for (int k = 0; k < 4; k++) {
-        tsuya_studio_spread spread;
-        double sum = 0.0, squares = 0.0, near = 0.0;
-        tsuya_studio_spread_fill(&spread, sigma[k]);
-        for (int i = 0; i < DRAWS; i++) {
-            double x = tsuya_studio_spread_at(&spread, (i + 0.5) / DRAWS);
-            sum += x;
-            squares += x * x / DRAWS;
-            near += fabs(x) <= 0.5 ? 1.0 / DRAWS : 0.0;
+    static const int side[] = {1, 2, 3, 8};
+    for (int k = 0; k < 16; k++) {
+        tsuya_studio_spread s;
+        const int n = side[k / 4];
+        double sum = 0.0, mean = 0.0, squares = 0.0, near = 0.0;
+        assert_ok(tsuya_studio_spread_create(&s, sigma[k % 4], n));
+        assert_int_equal(s.count, (2 * s.reach + 1) * n);
+        for (int i = 0; i < s.count; i++) {
+            const double x = -0.5 - s.reach + (i + 0.5) / n;
+            assert_true(s.weight[i] >= 0.0);
+            sum += s.weight[i];
+            mean += s.weight[i] * x;
+            squares += s.weight[i] * (x * x + 1.0 / (12.0 * n * n));
+            near += fabs(x) < 0.5 ? s.weight[i] : 0.0;
         }
-        print_message("blur %.1f px: variance %.4f px2, %.4f within the pixel\n", sigma[k], squares, near);
-        assert_true(fabs(sum) < 1e-6 * DRAWS);
-        assert_true(fabs(squares / (1.0 / 12.0 + sigma[k] * sigma[k]) - 1.0) < 0.005);
-        assert_true(fabs(near - within[k]) < 0.002);
+        print_message("blur %.1f px, %d cells: variance %.4f px2, %.4f within the pixel\n", sigma[k % 4], n, squares, near);
+        assert_near(sum, 1.0, 1e-12);
+        assert_near(mean, 0.0, 1e-12);
+        assert_true(fabs(squares / (1.0 / 12.0 + sigma[k % 4] * sigma[k % 4]) - 1.0) < 0.002);
+        assert_true(fabs(near - within[k % 4]) < 0.16 / n);
+        tsuya_studio_spread_free(&s);
     }
-    tsuya_studio_spread spread;
-    tsuya_studio_spread_fill(&spread, 0.6);
-    assert_true(isfinite(tsuya_studio_spread_at(&spread, 0.0)) && isfinite(tsuya_studio_spread_at(&spread, 1.0)));
 }
 
 static void exif_reads_back(void **state)
