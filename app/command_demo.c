@@ -11,7 +11,7 @@
 
 /* What is made: docs/capture.md explains the keys.  Another text makes an earlier demo's photographs anew. */
 static const char QUICK[] =
-    "# The scene of `tsuya demo`, 5: `tsuya capture simulate scene.yaml -o DIR` makes the same photographs.\n"
+    "# The scene of `tsuya demo`, 6: `tsuya capture simulate scene.yaml -o DIR` makes the same photographs.\n"
     "camera: {size: [800, 600], focal_px: 1006, distortion: [-0.04, 0.01, 0, 0], f_number: 22, bayer: true, blur_px: 0.6, spp: 4, full_well_e: 500000, "
     "jpeg_quality: 97}\n"
     "views:\n"
@@ -22,9 +22,9 @@ static const char QUICK[] =
     "  - {count: 8, px_per_thread: 1.5}\n"
     "  - {count: 18, px_per_thread: 4.3}\n"
     "cloth: {kind: karaori, fabric: karaori, reflectance: satin, side_m: 0.5, spacing_m: 0.011, weft_mm: 0.5, warp_mm: 0.47}\n";
-/* The same camera read out five times as finely, with fewer rays a pixel, and a sheet that is draped in finer cells. */
+/* The same camera read out five times as finely, and a sheet that is draped in finer cells. */
 static const char FULL[] =
-    "# The scene of `tsuya demo --quality full`, 5: `tsuya capture simulate scene.yaml -o DIR` makes the same photographs.\n"
+    "# The scene of `tsuya demo --quality full`, 6: `tsuya capture simulate scene.yaml -o DIR` makes the same photographs.\n"
     "camera: {size: [4000, 3000], focal_px: 5030, distortion: [-0.04, 0.01, 0, 0], f_number: 22, bayer: true, blur_px: 0.6, spp: 4, full_well_e: 50000, "
     "jpeg_quality: 97}\n"
     "views:\n"

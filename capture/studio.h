@@ -85,7 +85,7 @@ typedef struct tsuya_studio_shot {
     double aperture_m, focus_m;  /* radius of the entrance pupil (0: a pinhole), distance of the sharp plane along z */
     double vignetting;           /* light lost in the image's corners; ∝ r⁴ about the middle */
     double blur_px;              /* standard deviation of what lens and low-pass filter spread */
-    int spp;                     /* rays a pixel, stratified over its square and the blur; rounded down to a square number */
+    int spp;                     /* rays a pixel, one through each cell of a grid; rounded down to a square number */
     uint64_t stream;
 } tsuya_studio_shot;
 /* Linear radiance (float RGB) through a lens, and the share of each pixel that the cloth covers (0 … 255). */

@@ -261,7 +261,7 @@ done:
 tsuya_status tsuya_match_step(tsuya_reconstruction *r)
 {
     tsuya_reconstruct_info *info = r->info;
-    if (!tsuya_step_begin(&r->steps, "matching", "chance", tsuya_reconstruction_path(r, "pairs.txt"))) {
+    if (!tsuya_step_begin(&r->steps, "matching", "chance, 4000 trials", tsuya_reconstruction_path(r, "pairs.txt"))) {
         tsuya_json *figures = tsuya_json_create_object();
         tsuya_status status = match_all(r, figures);
         status = status == TSUYA_OK ? tsuya_reconstruction_end_step(r, figures) : status;

@@ -258,6 +258,37 @@ static void a_pixel_sees_its_width_and_the_blur(void **state)
     }
 }
 
+/* Means of a print over boxes of any size against the mean of 400 x 400 points, on tags, gaps, paper and beyond the plate. */
+static void print_is_the_mean_of_its_points(void **state)
+{
+    (void)state;
+    enum { BOXES = 40, FINE = 400 };
+    const tsuya_studio_grid grid = {"tag36h11", 1, 3, 2, 7, 30, 9};
+    for (int k = 0; k < 2; k++) {
+        tsuya_studio_prop prop;
+        assert_ok(k == 0 ? tsuya_studio_prop_tags(&prop, tsuya_pose_identity(), &grid) : tsuya_studio_prop_chart(&prop, tsuya_pose_identity()));
+        for (int i = 0; i < BOXES; i++) {
+            uint64_t n = 5 * (uint64_t)i;
+            const double none[2] = {0, 0}, size = i % 4 == 3 ? 0.08 : 0.006, spread[2] = {size * tsuya_random_uniform(3, 1, n), size * tsuya_random_uniform(3, 1, n + 1)};
+            const tsuya_vec3 p = {0.15 * tsuya_random_uniform(3, 1, n + 2) - 0.02, 0.1 * tsuya_random_uniform(3, 1, n + 3) - 0.02, 0.0};
+            double want[3] = {0};
+            float got[3], point[3];
+            for (int j = 0; j < FINE * FINE; j++) {
+                const tsuya_vec3 at = {p.x + ((j % FINE + 0.5) / FINE - 0.5) * spread[0], p.y + ((j / FINE + 0.5) / FINE - 0.5) * spread[1], 0.0};
+                tsuya_studio_print_at(prop.print, at, none, point);
+                for (int c = 0; c < 3; c++) {
+                    want[c] += (double)point[c] / (FINE * FINE);
+                }
+            }
+            tsuya_studio_print_at(prop.print, p, spread, got);
+            for (int c = 0; c < 3; c++) {
+                assert_near((double)got[c], want[c], 0.004);
+            }
+        }
+        tsuya_studio_prop_free(&prop);
+    }
+}
+
 static void exif_reads_back(void **state)
 {
     (void)state;
@@ -293,6 +324,7 @@ int main(void)
         cmocka_unit_test(noise_lies_on_the_photon_transfer_line),
         cmocka_unit_test(the_mosaic_lies_on_the_photon_transfer_line),
         cmocka_unit_test(a_pixel_sees_its_width_and_the_blur),
+        cmocka_unit_test(print_is_the_mean_of_its_points),
         cmocka_unit_test(exif_reads_back),
     };
     return cmocka_run_group_tests(tests, NULL, test_folder_tear_down);
