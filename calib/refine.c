@@ -1,5 +1,6 @@
 #include "calib/refine.h"
 
+#include "calib/planar.h"
 #include "calib/refine_edge.h"
 
 #include <stdlib.h>
@@ -10,7 +11,7 @@ enum { TONE_TAGS = 20, TONE_ROUNDS = 6, MOST_PASSES = 3 };
 /* Steeper than TONE_MOST is no camera's curve but sharpening, the colour filter's interpolation for one, which an edge shows alike. */
 static const double SRGB_TONE = 2.2, TONE_MOST = 2.8;
 
-typedef struct quad { tsuya_edge edge[4]; } quad;
+typedef struct quad { tsuya_edge edge[4]; tsuya_edge_code code; } quad;
 typedef struct tag_code { int cells, border_bits; } tag_code;
 
 static double depth_between(const tsuya_edge *edge, tsuya_vec2 p)
@@ -28,11 +29,49 @@ static void place(quad *q, const tsuya_vec2 corner[4])
     }
 }
 
+/* Mean depth of a cell behind edge i. */
+static double cell_px(const quad *q, int i, int cells) { return depth_between(&q->edge[i], q->edge[(i + 2) % 4].middle) / cells; }
+
+static double grey_at(const tsuya_image *grey, tsuya_vec2 p)
+{
+    const double x = fmin(fmax(p.x, 0.0), grey->width_px - 1.0), y = fmin(fmax(p.y, 0.0), grey->height_px - 1.0);
+    return (double)*tsuya_image_f32(grey, (int)(x + 0.5), (int)(y + 0.5));
+}
+
+/* Reads the code from the middles of its cells, where they are small beside the blur. */
+static void read_code(quad *q, const tsuya_vec2 corner[4], const tsuya_image *grey, const tag_code *code)
+{
+    const double n = code->cells;
+    const tsuya_vec2 plane[4] = {{0, 0}, {n, 0}, {n, n}, {0, n}};
+    double value[EDGE_MOST_CELLS][EDGE_MOST_CELLS], dark = 0.0, light = -INFINITY;
+    tsuya_mat3 h;
+    bool narrow = false;
+    for (int i = 0; i < 4; i++) {
+        narrow = narrow || tsuya_edge_is_narrow(code->border_bits * cell_px(q, i, code->cells), fmax(q->edge[i].p[EDGE_BLUR], 0.8));
+    }
+    q->code = (tsuya_edge_code){.cells = code->cells, .border = code->border_bits};
+    if (!narrow || code->cells > EDGE_MOST_CELLS || !tsuya_homography_fit(&h, plane, corner, 4) || !tsuya_homography_fit(&q->code.cells_from_px, corner, plane, 4)) {
+        return;
+    }
+    int border = 0;
+    for (int k = 0; k < code->cells * code->cells; k++) {
+        const int x = k % code->cells, y = k / code->cells, rim = code->cells - code->border_bits;
+        const double v = value[y][x] = grey_at(grey, tsuya_homography_apply(h, (tsuya_vec2){x + 0.5, y + 0.5}));
+        const bool inside = x >= code->border_bits && y >= code->border_bits && x < rim && y < rim;
+        dark += inside ? 0.0 : v;
+        border += !inside;
+        light = fmax(light, v);
+    }
+    for (int k = 0; k < code->cells * code->cells; k++) {
+        q->code.white[k / code->cells][k % code->cells] = value[k / code->cells][k % code->cells] > 0.5 * (light + dark / border);
+    }
+    q->code.read = true;
+}
+
 static void fit_edge(quad *q, int i, const tsuya_image *grey, const tag_code *code, double tone, bool learn)
 {
-    tsuya_edge *edge = &q->edge[i];
-    double cell_px = depth_between(edge, q->edge[(i + 2) % 4].middle) / code->cells;
-    tsuya_edge_fit(edge, grey, &q->edge[(i + 3) % 4], &q->edge[(i + 1) % 4], code->border_bits * cell_px, cell_px, tone, learn);
+    const double cell = cell_px(q, i, code->cells);
+    tsuya_edge_fit(&q->edge[i], grey, &q->edge[(i + 3) % 4], &q->edge[(i + 1) % 4], code->border_bits * cell, cell, &q->code, tone, learn);
 }
 
 static void fit_quad(quad *q, const tsuya_image *grey, const tag_code *code, double tone, bool learn)
@@ -102,11 +141,13 @@ static void settle(quad *q, tsuya_vec2 corner[4], const tsuya_image *grey, const
             blur[i] = q->edge[i].p[EDGE_BLUR];
         }
         place(q, corner);
+        read_code(q, corner, grey, code);
         fit_quad(q, grey, code, tone, learn);
         for (int i = 0; i < 4; i++) {
             change = q->edge[i].reason == TSUYA_REFINE_FINE ? fmax(change, fabs(q->edge[i].p[EDGE_BLUR] / blur[i] - 1.0)) : change;
         }
-        if (follow(corner, q) < 0.75 && change < 0.3) {
+        const bool close = q->code.read; /* light from the code wants blur and corners as they are */
+        if (follow(corner, q) < (close ? 0.1 : 0.75) && change < (close ? 0.05 : 0.3)) {
             return;
         }
     }
@@ -238,10 +279,8 @@ double tsuya_refine_common_tone(tsuya_refine_tone *tone, int count)
     }
     /* In-camera sharpening is no tone curve; photographs that disagree say so. */
     double spread = count > 2 ? tone[count - 1 - count / 6].gamma - tone[count / 6].gamma : 0.0;
-    if (gamma > TONE_MOST) {
-        return SRGB_TONE;
-    }
-    return weight > 0.0 && spread < 0.6 && fabs(gamma - 1.0) > 3.0 / sqrt(weight) ? gamma : 1.0;
+    const bool told = weight > 0.0 && spread < 0.6 && fabs(gamma - 1.0) > 3.0 / sqrt(weight) && gamma <= TONE_MOST;
+    return told ? gamma : gamma > 0.5 * (1.0 + SRGB_TONE) ? SRGB_TONE : 1.0;
 }
 
 static void count_reasons(tsuya_refine_info *info, const tsuya_refined_tag *tag, int count)

@@ -2,10 +2,11 @@
  *
  * Along each of the tag's four edges the grey values of the raw pixels (nothing is resampled) follow
  *
- *     I(u, d) = (K(u) + (W(u) − K(u)) · Φ((f(u) − d) / s))^(1/γ)
+ *     I(u, d) = (K(u) + (W(u) − K(u)) · (Φ + (1 − Φ) r(u, d)))^(1/γ),  Φ = Φ((f(u) − d) / s)
  *
- * with d the depth inside the tag, u ∈ [−1, 1] along the edge, W and K the light of white and black (linear in u: uneven
- * light), s the blur (one per edge, as motion blurs one direction), f a parabola (the lens' local curvature) and γ the
+ * with d the depth inside the tag, u ∈ [−1, 1] along the edge, W and K the light of white and black (linear in u: uneven light; where
+ * the photograph tells it from noise, both with one parabola along u: soft shadows), s the blur (one per edge, as motion blurs one direction), f a parabola (the lens' local curvature), r the white that the
+ * blur brings into the border from the neighbouring edges and from the code's white cells (where cells are small beside the blur), and γ the
  * camera's tone curve: 1 for linear files, about 2.2 for sRGB.  A wrong γ moves every edge the same way, out of the tag or
  * into it, by a third of a pixel at sRGB.  γ belongs to the camera and is estimated over some of its photographs first.
  *
@@ -42,9 +43,9 @@ typedef struct tsuya_refine_tone {
 } tsuya_refine_tone;
 TSUYA_API tsuya_refine_tone tsuya_refine_estimate_tone(const tsuya_image *grey, const tsuya_tag_sighting *sighting, int count, int cells,
                                                        int border_bits);
-/* One γ for a camera: the weighted median of its photographs' (which are sorted on the way); 1 where that is not told from 1,
- * or where photographs disagree; sRGB's about 2.2 where it is above 2.8, which sharpening makes of it (the solve then finds what is
- * left: tsuya_solve.edge_bias). */
+/* One γ for a camera: the weighted median of its photographs' (which are sorted on the way).  Where that is not told from 1, where
+ * photographs disagree, or where it is above 2.8, as sharpening makes it: 1 or sRGB's about 2.2, which is nearer (the solve then finds
+ * what is left: tsuya_solve.edge_bias). */
 TSUYA_API double tsuya_refine_common_tone(tsuya_refine_tone *tone, int count);
 
 typedef struct tsuya_refine_options {

@@ -1,5 +1,6 @@
 #include "calib/refine_edge.h"
 
+#include "calib/planar.h"
 #include "calib/refine_kernel.h"
 
 #include <string.h>
@@ -7,7 +8,7 @@
 enum { MOST_ITERATIONS = 12, FEWEST_PIXELS = 24 };
 
 /* Black levels are kept from 0; noise of 8-bit rounding. */
-static const double DARKEST = 1e-4, ROUNDING = 1.0 / (12.0 * 255.0 * 255.0);
+static const double DARKEST = 1e-4, LEAST_LIGHT = 2e-3, ROUNDING = 1.0 / (12.0 * 255.0 * 255.0);
 
 void tsuya_edge_place(tsuya_edge *edge, tsuya_vec2 from, tsuya_vec2 to)
 {
@@ -83,6 +84,61 @@ static void gather(tsuya_edge_pixels *s, const tsuya_edge *edge, const tsuya_ima
     }
 }
 
+/* ---- light from elsewhere ---- */
+
+static const double CLEAR = 4.0; /* blurs: farther light does not reach */
+
+bool tsuya_edge_is_narrow(double inner_px, double blur_px) { return inner_px < 7.0 * blur_px + 1.5; }
+
+static double normal(double z) { return 0.5 * erfc(-z * M_SQRT1_2); }
+
+/* Of the white cells about a place, in cells; sigma: the blur along both. */
+static double from_code(const tsuya_edge_code *code, tsuya_vec2 at, const double sigma[2])
+{
+    const int inside = code->cells - code->border - 1;
+    double sum = 0.0;
+    const int low[2] = {(int)fmax(floor(at.x - CLEAR * sigma[0]), code->border), (int)fmax(floor(at.y - CLEAR * sigma[1]), code->border)};
+    const int high[2] = {(int)fmin(floor(at.x + CLEAR * sigma[0]), inside), (int)fmin(floor(at.y + CLEAR * sigma[1]), inside)};
+    for (int y = low[1]; y <= high[1]; y++) {
+        const double along_y = normal((at.y - y) / sigma[1]) - normal((at.y - y - 1) / sigma[1]);
+        for (int x = low[0]; x <= high[0]; x++) {
+            sum += code->white[y][x] ? along_y * (normal((at.x - x) / sigma[0]) - normal((at.x - x - 1) / sigma[0])) : 0.0;
+        }
+    }
+    return sum;
+}
+
+/* How dark a neighbouring edge leaves a place. */
+static double darkness(const tsuya_edge *neighbour, tsuya_vec2 p, double blur)
+{
+    const double d = (p.x - neighbour->middle.x) * neighbour->inward.x + (p.y - neighbour->middle.y) * neighbour->inward.y;
+    return d < CLEAR * blur ? normal(d / blur) : 1.0;
+}
+
+static void add_stray(tsuya_edge_pixels *s, const tsuya_edge *edge, const tsuya_edge *before, const tsuya_edge *after, const tsuya_edge_code *code,
+                      double inner_px, double blur)
+{
+    const bool narrow = code->read && tsuya_edge_is_narrow(inner_px, blur);
+    /* cells per pixel along x and y: those edges run along y whose neighbours run along x */
+    const double by_along = 0.5 * code->cells / edge->half_length_px, by_depth = code->border / fmax(inner_px, 1e-3);
+    const bool across = narrow && fabs(code->cells_from_px.e[0][0] * edge->tangent.x + code->cells_from_px.e[0][1] * edge->tangent.y) <
+                                      fabs(code->cells_from_px.e[1][0] * edge->tangent.x + code->cells_from_px.e[1][1] * edge->tangent.y);
+    const double sigma[2] = {blur * (across ? by_depth : by_along), blur * (across ? by_along : by_depth)};
+    for (int i = 0; i < s->count; i++) {
+        const double depth = (double)s->depth[i], along = (double)s->u[i] * edge->half_length_px;
+        s->stray[i] = 0.0f;
+        if (depth < -2.0 * blur) {
+            continue; /* white already */
+        }
+        const tsuya_vec2 p = {edge->middle.x + along * edge->tangent.x + depth * edge->inward.x, edge->middle.y + along * edge->tangent.y + depth * edge->inward.y};
+        double stray = 1.0 - darkness(before, p, blur) * darkness(after, p, blur);
+        if (narrow && inner_px - depth < CLEAR * blur) {
+            stray += from_code(code, tsuya_homography_apply(code->cells_from_px, p), sigma);
+        }
+        s->stray[i] = (float)fmin(stray, 0.9);
+    }
+}
+
 /* Levels of the two sides as the first guess; signed contrast, so that a family with a white rim works the same. */
 static bool start(double p[EDGE_PARAMETERS], const tsuya_edge_pixels *s, double blur)
 {
@@ -146,29 +202,34 @@ static void solve(double x[EDGE_PARAMETERS], double h[EDGE_PARAMETERS][EDGE_PARA
 
 static double limited(double step, double most) { return step > most ? most : step < -most ? -most : step; }
 
+/* Of the light along an edge, beside even and slanting: soft shadows; more is something that covers it. */
+static const double ARC_SIGMA = 0.05, ARC_MOST = 0.15, ARC_NONE = 1e-6, ARC_CERTAIN = 3.0;
+
 /* Lenses bend an edge by some thousandths of its length: a prior that matters on short and faint edges only.  An edge that is
  * sharper than a pixel does not tell its blur: that step is damped, for the sums are only as good as floats. */
-static void add_priors(tsuya_edge_normal *n, const tsuya_edge *edge, double variance)
+static void add_priors(tsuya_edge_normal *n, const tsuya_edge *edge, double variance, double arc_sigma)
 {
     double sigma = 0.005 * edge->half_length_px;
     n->h[EDGE_BOW][EDGE_BOW] += variance / (sigma * sigma);
     n->g[EDGE_BOW] -= variance / (sigma * sigma) * edge->p[EDGE_BOW];
+    n->h[EDGE_ARC][EDGE_ARC] += variance / (arc_sigma * arc_sigma);
+    n->g[EDGE_ARC] -= variance / (arc_sigma * arc_sigma) * edge->p[EDGE_ARC];
     n->h[EDGE_BLUR][EDGE_BLUR] += 1e-4 * n->h[EDGE_OFFSET][EDGE_OFFSET];
 }
 
 /* Gauss–Newton; true when the steps have become small. */
-static bool iterate(tsuya_edge *edge, tsuya_edge_pixels *s, tsuya_edge_normal *last, double *variance, bool with_tone)
+static bool iterate(tsuya_edge *edge, tsuya_edge_pixels *s, tsuya_edge_normal *last, double *variance, double arc_sigma, bool with_tone)
 {
     double *p = edge->p, moved = INFINITY;
     for (int i = 0; i < MOST_ITERATIONS; i++) {
         tsuya_edge_normal_sum(last, p, s, with_tone);
         *variance = fmax(last->squares / (s->count - EDGE_TONE), ROUNDING);
-        add_priors(last, edge, *variance);
+        add_priors(last, edge, *variance, arc_sigma);
         tsuya_edge_normal work = *last;
         double step[EDGE_PARAMETERS];
         memcpy(step, last->g, sizeof step);
         if (!factor(work.h, EDGE_TONE)) {
-            return false;
+                    return false;
         }
         solve(step, work.h, EDGE_TONE);
         for (int a = 0; a < EDGE_TONE; a++) {
@@ -176,12 +237,28 @@ static bool iterate(tsuya_edge *edge, tsuya_edge_pixels *s, tsuya_edge_normal *l
             p[a] += limited(step[a], most);
         }
         p[EDGE_BLUR] = fmin(fmax(p[EDGE_BLUR], 0.2), 0.5 * edge->half_length_px + 1.0);
+        const double least = LEAST_LIGHT * fmax(p[EDGE_WHITE], p[EDGE_BLACK]); /* sharpening would make it darker than black */
+        p[EDGE_WHITE] = fmax(p[EDGE_WHITE], least);
+        p[EDGE_BLACK] = fmax(p[EDGE_BLACK], least);
         moved = fabs(step[EDGE_OFFSET]) + fabs(step[EDGE_SLOPE]) + fabs(step[EDGE_BOW]) + 0.2 * fabs(step[EDGE_BLUR]);
         if (moved < 1e-3) {
             return true;
         }
     }
     return moved < 0.02;
+}
+
+/* One sigma of a parameter; infinite where the fit does not tell it. */
+static double sigma_of(const tsuya_edge_normal *n, int parameter, double variance)
+{
+    tsuya_edge_normal work = *n;
+    double column[EDGE_PARAMETERS] = {0};
+    column[parameter] = 1.0;
+    if (!factor(work.h, EDGE_TONE)) {
+        return INFINITY;
+    }
+    solve(column, work.h, EDGE_TONE);
+    return sqrt(variance * column[parameter]);
 }
 
 static void keep_covariance(tsuya_edge *edge, const tsuya_edge_normal *n, double variance)
@@ -228,11 +305,11 @@ static tsuya_refine_reason judge(const tsuya_edge *edge, double noise, double st
     if (fabs(p[EDGE_OFFSET]) + fabs(p[EDGE_SLOPE]) > fmax(3.0, 0.12 * length) || fabs(p[EDGE_BOW]) > 0.04 * length) {
         return TSUYA_REFINE_ASTRAY;
     }
-    return noise > 0.2 * contrast ? TSUYA_REFINE_UNLIKE : TSUYA_REFINE_FINE;
+    return noise > 0.2 * contrast || fabs(p[EDGE_ARC]) > ARC_MOST ? TSUYA_REFINE_UNLIKE : TSUYA_REFINE_FINE;
 }
 
 void tsuya_edge_fit(tsuya_edge *edge, const tsuya_image *grey, const tsuya_edge *before, const tsuya_edge *after, double inner_px,
-                    double outer_px, double tone, bool learn_tone)
+                    double outer_px, const tsuya_edge_code *code, double tone, bool learn_tone)
 {
     tsuya_edge_pixels s;
     double blur = edge->p[EDGE_BLUR] > 0.0 ? edge->p[EDGE_BLUR] : 0.8;
@@ -241,6 +318,7 @@ void tsuya_edge_fit(tsuya_edge *edge, const tsuya_image *grey, const tsuya_edge 
     double reach[2] = {fmin(fmax(inner_px - 2.2 * blur, 1.5), 3.0 * blur + 1.5), fmin(fmax(outer_px - 2.2 * blur, 1.5), 3.0 * blur + 1.5)};
     double margin = fmin(2.5 * blur + 0.7, 0.5 * edge->half_length_px);
     gather(&s, edge, grey, before, after, reach, margin);
+    add_stray(&s, edge, before, after, code, inner_px, blur);
     edge->pixels = s.count;
     edge->tone_variance = INFINITY;
     if (s.count < FEWEST_PIXELS || !start(edge->p, &s, blur)) {
@@ -249,7 +327,12 @@ void tsuya_edge_fit(tsuya_edge *edge, const tsuya_image *grey, const tsuya_edge 
     }
     tsuya_edge_normal last;
     double variance = 0.0, contrast = fabs(pow(edge->p[EDGE_WHITE], 1.0 / tone) - pow(edge->p[EDGE_BLACK], 1.0 / tone));
-    if (!iterate(edge, &s, &last, &variance, learn_tone)) {
+    bool fine = iterate(edge, &s, &last, &variance, ARC_SIGMA, learn_tone);
+    if (fine && fabs(edge->p[EDGE_ARC]) < ARC_CERTAIN * sigma_of(&last, EDGE_ARC, variance)) {
+        edge->p[EDGE_ARC] = 0.0; /* what is not told from noise only adds to it: bow and arc look alike */
+        fine = iterate(edge, &s, &last, &variance, ARC_NONE, learn_tone);
+    }
+    if (!fine) {
         edge->reason = TSUYA_REFINE_UNLIKE;
         return;
     }

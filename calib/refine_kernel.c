@@ -51,7 +51,12 @@ INLINE vf evaluate(vf g[EDGE_PARAMETERS], const float p[EDGE_PARAMETERS], const 
     vf u = *(const vf *)&s->u[i], bend = u * u - 1.0f / 3, share, density, rise = u * 0.0f + 1.0f;
     vf z = (p[EDGE_OFFSET] + p[EDGE_SLOPE] * u + p[EDGE_BOW] * bend - *(const vf *)&s->depth[i]) * (1.0f / p[EDGE_BLUR]);
     normal_at(&share, &density, z);
-    vf black = p[EDGE_BLACK] + p[EDGE_BLACK_SLOPE] * u, contrast = p[EDGE_WHITE] + p[EDGE_WHITE_SLOPE] * u - black, light = black + contrast * share;
+    const vf stray = *(const vf *)&s->stray[i];
+    share += (1.0f - share) * stray;
+    density *= 1.0f - stray;
+    const vf black = p[EDGE_BLACK] + p[EDGE_BLACK_SLOPE] * u, contrast = p[EDGE_WHITE] + p[EDGE_WHITE_SLOPE] * u - black, even = black + contrast * share;
+    const vf arc = 1.0f + p[EDGE_ARC] * bend;
+    vf light = even * arc;
     light = choose(light > DARKEST, light, u * 0.0f + DARKEST);
     vf value = light;
     if (curved) {
@@ -63,6 +68,8 @@ INLINE vf evaluate(vf g[EDGE_PARAMETERS], const float p[EDGE_PARAMETERS], const 
             g[EDGE_TONE] = value * logarithm * (-0.693147181f * by_tone * by_tone);
         }
     }
+    g[EDGE_ARC] = rise * even * bend;
+    rise *= arc;
     g[EDGE_OFFSET] = rise * contrast * density * (1.0f / p[EDGE_BLUR]);
     g[EDGE_SLOPE] = g[EDGE_OFFSET] * u;
     g[EDGE_BOW] = g[EDGE_OFFSET] * bend;
@@ -90,14 +97,14 @@ INLINE void add_chunk(double *sum, const float p[EDGE_PARAMETERS], const tsuya_e
             }
             r = (vf)((vi)r & there);
         }
-#pragma GCC unroll 9
+#pragma GCC unroll 10
         for (int a = 0; a < size; a++) {
-#pragma GCC unroll 9
+#pragma GCC unroll 10
             for (int b = 0; b <= a; b++) {
                 *out++ += g[a] * g[b];
             }
         }
-#pragma GCC unroll 9
+#pragma GCC unroll 10
         for (int a = 0; a < size; a++) {
             *out++ += g[a] * r;
         }
@@ -130,7 +137,7 @@ void tsuya_edge_normal_sum(tsuya_edge_normal *n, const double p[EDGE_PARAMETERS]
         narrow[a] = (float)p[a];
     }
     for (int i = s->count; i % LANES; i++) {
-        s->u[i] = s->depth[i] = s->grey[i] = 0.0f;
+        s->u[i] = s->depth[i] = s->grey[i] = s->stray[i] = 0.0f;
     }
     (with_tone ? add_with_tone : p[EDGE_TONE] == 1.0 ? add_linear : add_curved)(sum, narrow, s);
     memset(n, 0, sizeof *n);

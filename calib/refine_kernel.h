@@ -6,9 +6,11 @@
 
 enum { TSUYA_EDGE_LANES = 8, TSUYA_EDGE_MOST_PIXELS = 8192 };
 
-/* Pixels of the strip along an edge: place along it (−1 … 1), depth inside the tag in px, grey value. */
+/* Pixels of the strip along an edge: place along it (−1 … 1), depth inside the tag in px, grey value, and the share of white that reaches
+ * its black from elsewhere. */
 typedef struct tsuya_edge_pixels {
-    _Alignas(4 * TSUYA_EDGE_LANES) float u[TSUYA_EDGE_MOST_PIXELS], depth[TSUYA_EDGE_MOST_PIXELS], grey[TSUYA_EDGE_MOST_PIXELS];
+    _Alignas(4 * TSUYA_EDGE_LANES) float u[TSUYA_EDGE_MOST_PIXELS], depth[TSUYA_EDGE_MOST_PIXELS], grey[TSUYA_EDGE_MOST_PIXELS],
+        stray[TSUYA_EDGE_MOST_PIXELS];
     int count;
 } tsuya_edge_pixels;
 

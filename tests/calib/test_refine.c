@@ -4,30 +4,33 @@
 #include "calib/refine_kernel.h"
 
 /* The profile of refine.h as it is written there, with the mathematical library's own functions. */
-static double profile(const double p[EDGE_PARAMETERS], double u, double depth)
+static double profile(const double p[EDGE_PARAMETERS], double u, double depth, double stray)
 {
     double f = p[EDGE_OFFSET] + p[EDGE_SLOPE] * u + p[EDGE_BOW] * (u * u - 1.0 / 3.0), share = 0.5 * erfc(-(f - depth) / p[EDGE_BLUR] * M_SQRT1_2);
     double black = p[EDGE_BLACK] + p[EDGE_BLACK_SLOPE] * u, white = p[EDGE_WHITE] + p[EDGE_WHITE_SLOPE] * u;
-    return pow(black + (white - black) * share, 1.0 / p[EDGE_TONE]);
+    share += (1.0 - share) * stray;
+    return pow((black + (white - black) * share) * (1.0 + p[EDGE_ARC] * (u * u - 1.0 / 3.0)), 1.0 / p[EDGE_TONE]);
 }
 
 /* Sums of the pixels against the profile and its differences. */
 static void hold_sums(double tone, int count, bool with_tone)
 {
     static tsuya_edge_pixels s;
-    double p[EDGE_PARAMETERS] = {0.13, -0.07, 0.04, 0.75, 0.81, -0.05, 0.09, 0.02, tone};
+    double p[EDGE_PARAMETERS] = {0.13, -0.07, 0.04, 0.75, 0.81, -0.05, 0.09, 0.02, 0.07, tone};
     int size = with_tone ? EDGE_PARAMETERS : EDGE_TONE;
     tsuya_edge_normal sum, want = {0};
     s.count = count;
     for (int i = 0; i < count; i++) {
         double g[EDGE_PARAMETERS], u = tsuya_random_uniform(3, 1, (uint64_t)i) * 2.0 - 1.0, d = tsuya_random_uniform(3, 2, (uint64_t)i) * 9.0 - 4.5;
         s.u[i] = (float)u, s.depth[i] = (float)d, s.grey[i] = (float)tsuya_random_uniform(3, 3, (uint64_t)i);
-        double r = (double)s.grey[i] - profile(p, (double)s.u[i], (double)s.depth[i]);
+        s.stray[i] = i % 3 ? 0.0f : (float)(0.3 * tsuya_random_uniform(3, 4, (uint64_t)i));
+        const double stray = (double)s.stray[i];
+        double r = (double)s.grey[i] - profile(p, (double)s.u[i], (double)s.depth[i], stray);
         for (int a = 0; a < size; a++) {
             double up[EDGE_PARAMETERS], down[EDGE_PARAMETERS];
             memcpy(up, p, sizeof up), memcpy(down, p, sizeof down);
             up[a] += 1e-5, down[a] -= 1e-5;
-            g[a] = (profile(up, (double)s.u[i], (double)s.depth[i]) - profile(down, (double)s.u[i], (double)s.depth[i])) / 2e-5;
+            g[a] = (profile(up, (double)s.u[i], (double)s.depth[i], stray) - profile(down, (double)s.u[i], (double)s.depth[i], stray)) / 2e-5;
             want.g[a] += g[a] * r;
             for (int b = 0; b <= a; b++) {
                 want.h[a][b] += g[a] * g[b];
