@@ -38,12 +38,47 @@ static double grey_at(const tsuya_image *grey, tsuya_vec2 p)
     return (double)*tsuya_image_f32(grey, (int)(x + 0.5), (int)(y + 0.5));
 }
 
-/* Reads the code from the middles of its cells, where they are small beside the blur. */
+typedef struct level { double sum, least, most; int count; } level;
+
+static void add_level(level *l, double v)
+{
+    l->least = l->count > 0 ? fmin(l->least, v) : v;
+    l->most = l->count > 0 ? fmax(l->most, v) : v;
+    l->sum += v;
+    l->count++;
+}
+
+/* Greys of the cells' middles, and of the border and of what is around the tag. */
+static void sample_cells(double value[EDGE_MOST_CELLS][EDGE_MOST_CELLS], level *border, level *around, tsuya_mat3 px_from_cells, const tsuya_image *grey,
+                         const tag_code *code)
+{
+    const int end = code->cells - code->border_bits;
+    for (int y = -1; y <= code->cells; y++) {
+        for (int x = -1; x <= code->cells; x++) {
+            const double v = grey_at(grey, tsuya_homography_apply(px_from_cells, (tsuya_vec2){x + 0.5, y + 0.5}));
+            const bool beside = x < 0 || x == code->cells, above = y < 0 || y == code->cells;
+            if (beside || above) {
+                if (beside != above) { /* some grids have black squares at their corners */
+                    add_level(around, v);
+                }
+                continue;
+            }
+            value[y][x] = v;
+            if (x < code->border_bits || y < code->border_bits || x >= end || y >= end) {
+                add_level(border, v);
+            }
+        }
+    }
+}
+
+/* Reads the code from the middles of its cells, where they are small beside the blur and what is around the tag is even: cells like that,
+ * white but for families with a white border, send their light into the border. */
 static void read_code(quad *q, const tsuya_vec2 corner[4], const tsuya_image *grey, const tag_code *code)
 {
     const double n = code->cells;
     const tsuya_vec2 plane[4] = {{0, 0}, {n, 0}, {n, n}, {0, n}};
-    double value[EDGE_MOST_CELLS][EDGE_MOST_CELLS], dark = 0.0, light = -INFINITY;
+    double value[EDGE_MOST_CELLS][EDGE_MOST_CELLS];
+    level border = {0}, around = {0};
     tsuya_mat3 h;
     bool narrow = false;
     for (int i = 0; i < 4; i++) {
@@ -53,19 +88,13 @@ static void read_code(quad *q, const tsuya_vec2 corner[4], const tsuya_image *gr
     if (!narrow || code->cells > EDGE_MOST_CELLS || !tsuya_homography_fit(&h, plane, corner, 4) || !tsuya_homography_fit(&q->code.cells_from_px, corner, plane, 4)) {
         return;
     }
-    int border = 0;
+    sample_cells(value, &border, &around, h, grey, code);
+    const double dark = border.sum / border.count, light = around.sum / around.count;
     for (int k = 0; k < code->cells * code->cells; k++) {
-        const int x = k % code->cells, y = k / code->cells, rim = code->cells - code->border_bits;
-        const double v = value[y][x] = grey_at(grey, tsuya_homography_apply(h, (tsuya_vec2){x + 0.5, y + 0.5}));
-        const bool inside = x >= code->border_bits && y >= code->border_bits && x < rim && y < rim;
-        dark += inside ? 0.0 : v;
-        border += !inside;
-        light = fmax(light, v);
+        const double v = value[k / code->cells][k % code->cells];
+        q->code.white[k / code->cells][k % code->cells] = fabs(v - light) < fabs(v - dark);
     }
-    for (int k = 0; k < code->cells * code->cells; k++) {
-        q->code.white[k / code->cells][k % code->cells] = value[k / code->cells][k % code->cells] > 0.5 * (light + dark / border);
-    }
-    q->code.read = true;
+    q->code.read = around.most - around.least < 0.5 * fabs(light - dark);
 }
 
 static void fit_edge(quad *q, int i, const tsuya_image *grey, const tag_code *code, double tone, bool learn)

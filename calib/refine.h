@@ -5,10 +5,11 @@
  *     I(u, d) = (K(u) + (W(u) − K(u)) · (Φ + (1 − Φ) r(u, d)))^(1/γ),  Φ = Φ((f(u) − d) / s)
  *
  * with d the depth inside the tag, u ∈ [−1, 1] along the edge, W and K the light of white and black (linear in u: uneven light; where
- * the photograph tells it from noise, both with one parabola along u: soft shadows), s the blur (one per edge, as motion blurs one direction), f a parabola (the lens' local curvature), r the white that the
- * blur brings into the border from the neighbouring edges and from the code's white cells (where cells are small beside the blur), and γ the
- * camera's tone curve: 1 for linear files, about 2.2 for sRGB.  A wrong γ moves every edge the same way, out of the tag or
- * into it, by a third of a pixel at sRGB.  γ belongs to the camera and is estimated over some of its photographs first.
+ * the photograph tells it from noise, both with one parabola along u: soft shadows), s the blur (one per edge, as motion blurs one
+ * direction), f a parabola (the lens' local curvature), r the white that the blur brings into the border from the neighbouring edges and
+ * from the code's white cells (where cells are small beside the blur), and γ the camera's tone curve: 1 for linear files, about 2.2 for
+ * sRGB.  A wrong γ moves every edge the same way, out of the tag or into it, by a third of a pixel at sRGB.  γ belongs to the camera and
+ * is estimated over some of its photographs first.
  *
  * Least squares by Gauss–Newton.  Corners are the meeting points of neighbouring curves; their sigma follows from the fits'
  * covariances, scaled by the residuals.  Cost: some 40 µs a tag of 80 px on one core. */

@@ -95,14 +95,17 @@ static double normal(double z) { return 0.5 * erfc(-z * M_SQRT1_2); }
 /* Of the white cells about a place, in cells; sigma: the blur along both. */
 static double from_code(const tsuya_edge_code *code, tsuya_vec2 at, const double sigma[2])
 {
-    const int inside = code->cells - code->border - 1;
+    const int first = code->border, end = code->cells - code->border;
     double sum = 0.0;
-    const int low[2] = {(int)fmax(floor(at.x - CLEAR * sigma[0]), code->border), (int)fmax(floor(at.y - CLEAR * sigma[1]), code->border)};
-    const int high[2] = {(int)fmin(floor(at.x + CLEAR * sigma[0]), inside), (int)fmin(floor(at.y + CLEAR * sigma[1]), inside)};
-    for (int y = low[1]; y <= high[1]; y++) {
+    for (int y = first; y < end; y++) {
+        if (fabs(at.y - y - 0.5) > CLEAR * sigma[1] + 0.5) {
+            continue;
+        }
         const double along_y = normal((at.y - y) / sigma[1]) - normal((at.y - y - 1) / sigma[1]);
-        for (int x = low[0]; x <= high[0]; x++) {
-            sum += code->white[y][x] ? along_y * (normal((at.x - x) / sigma[0]) - normal((at.x - x - 1) / sigma[0])) : 0.0;
+        for (int x = first; x < end; x++) {
+            if (code->white[y][x] && fabs(at.x - x - 0.5) < CLEAR * sigma[0] + 0.5) {
+                sum += along_y * (normal((at.x - x) / sigma[0]) - normal((at.x - x - 1) / sigma[0]));
+            }
         }
     }
     return sum;
@@ -119,7 +122,7 @@ static void add_stray(tsuya_edge_pixels *s, const tsuya_edge *edge, const tsuya_
                       double inner_px, double blur)
 {
     const bool narrow = code->read && tsuya_edge_is_narrow(inner_px, blur);
-    /* cells per pixel along x and y: those edges run along y whose neighbours run along x */
+    /* cells per pixel; `across`: the edge runs along the code's y */
     const double by_along = 0.5 * code->cells / edge->half_length_px, by_depth = code->border / fmax(inner_px, 1e-3);
     const bool across = narrow && fabs(code->cells_from_px.e[0][0] * edge->tangent.x + code->cells_from_px.e[0][1] * edge->tangent.y) <
                                       fabs(code->cells_from_px.e[1][0] * edge->tangent.x + code->cells_from_px.e[1][1] * edge->tangent.y);
@@ -203,7 +206,7 @@ static void solve(double x[EDGE_PARAMETERS], double h[EDGE_PARAMETERS][EDGE_PARA
 static double limited(double step, double most) { return step > most ? most : step < -most ? -most : step; }
 
 /* Of the light along an edge, beside even and slanting: soft shadows; more is something that covers it. */
-static const double ARC_SIGMA = 0.05, ARC_MOST = 0.15, ARC_NONE = 1e-6, ARC_CERTAIN = 3.0;
+static const double ARC_SIGMA = 0.05, ARC_MOST = 0.15, ARC_NONE = 1e-5, ARC_CERTAIN = 3.0;
 
 /* Lenses bend an edge by some thousandths of its length: a prior that matters on short and faint edges only.  An edge that is
  * sharper than a pixel does not tell its blur: that step is damped, for the sums are only as good as floats. */
@@ -229,7 +232,7 @@ static bool iterate(tsuya_edge *edge, tsuya_edge_pixels *s, tsuya_edge_normal *l
         double step[EDGE_PARAMETERS];
         memcpy(step, last->g, sizeof step);
         if (!factor(work.h, EDGE_TONE)) {
-                    return false;
+            return false;
         }
         solve(step, work.h, EDGE_TONE);
         for (int a = 0; a < EDGE_TONE; a++) {
@@ -248,17 +251,22 @@ static bool iterate(tsuya_edge *edge, tsuya_edge_pixels *s, tsuya_edge_normal *l
     return moved < 0.02;
 }
 
-/* One sigma of a parameter; infinite where the fit does not tell it. */
-static double sigma_of(const tsuya_edge_normal *n, int parameter, double variance)
+/* Whether a fit without it asks for an arc: what a step in which it were free would make of it, in its own sigmas. */
+static bool wants_arc(const tsuya_edge_normal *n, const tsuya_edge *edge, double variance)
 {
+    const double prior = variance / (ARC_NONE * ARC_NONE);
     tsuya_edge_normal work = *n;
-    double column[EDGE_PARAMETERS] = {0};
-    column[parameter] = 1.0;
+    double step[EDGE_PARAMETERS], column[EDGE_PARAMETERS] = {0};
+    work.h[EDGE_ARC][EDGE_ARC] += variance / (ARC_SIGMA * ARC_SIGMA) - prior;
+    memcpy(step, n->g, sizeof step);
+    step[EDGE_ARC] += prior * edge->p[EDGE_ARC];
+    column[EDGE_ARC] = 1.0;
     if (!factor(work.h, EDGE_TONE)) {
-        return INFINITY;
+        return false;
     }
+    solve(step, work.h, EDGE_TONE);
     solve(column, work.h, EDGE_TONE);
-    return sqrt(variance * column[parameter]);
+    return fabs(step[EDGE_ARC]) > ARC_CERTAIN * sqrt(variance * column[EDGE_ARC]);
 }
 
 static void keep_covariance(tsuya_edge *edge, const tsuya_edge_normal *n, double variance)
@@ -327,10 +335,9 @@ void tsuya_edge_fit(tsuya_edge *edge, const tsuya_image *grey, const tsuya_edge 
     }
     tsuya_edge_normal last;
     double variance = 0.0, contrast = fabs(pow(edge->p[EDGE_WHITE], 1.0 / tone) - pow(edge->p[EDGE_BLACK], 1.0 / tone));
-    bool fine = iterate(edge, &s, &last, &variance, ARC_SIGMA, learn_tone);
-    if (fine && fabs(edge->p[EDGE_ARC]) < ARC_CERTAIN * sigma_of(&last, EDGE_ARC, variance)) {
-        edge->p[EDGE_ARC] = 0.0; /* what is not told from noise only adds to it: bow and arc look alike */
-        fine = iterate(edge, &s, &last, &variance, ARC_NONE, learn_tone);
+    bool fine = iterate(edge, &s, &last, &variance, ARC_NONE, learn_tone);
+    if (fine && wants_arc(&last, edge, variance)) { /* where noise does not tell it, it only adds to that: bow and arc look alike */
+        fine = iterate(edge, &s, &last, &variance, ARC_SIGMA, learn_tone);
     }
     if (!fine) {
         edge->reason = TSUYA_REFINE_UNLIKE;

@@ -3,6 +3,8 @@
 
 #include "calib/refine_kernel.h"
 
+#include <omp.h>
+
 /* The profile of refine.h as it is written there, with the mathematical library's own functions. */
 static double profile(const double p[EDGE_PARAMETERS], double u, double depth, double stray)
 {
@@ -78,7 +80,7 @@ static void test_accuracy(void **state)
     assert_true(s.bias <= 0.005);
     assert_true(s.rms <= 2.5 * s.bound);
     assert_true(s.sigma_ratio > 0.8 && s.sigma_ratio < 1.25);
-    assert_true(s.seconds <= library.seconds); /* of the processor; a third of it where nothing else runs */
+    assert_true(s.seconds <= library.seconds); /* four tenths of it */
     look.noise = 8.0 / 255.0;
     s = compare(NULL, "noise 8/255", &f, &light, &look, "tag36h11", 1);
     assert_int_equal(s.found, TAGS);
@@ -131,6 +133,7 @@ static void test_motion(void **state)
 
 int main(void)
 {
+    omp_set_num_threads(1); /* times are the processor's, which threads that wait use too */
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_sums), cmocka_unit_test(test_accuracy), cmocka_unit_test(test_families), cmocka_unit_test(test_motion)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
