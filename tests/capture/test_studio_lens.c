@@ -10,7 +10,7 @@
 static const char SCENE[] =
     "seed: 3\n"
     "cloth: {kind: closed, side_m: 0.3, spacing_m: 0.03}\n"
-    "camera: {size: [640, 480], focal_px: 700, center_px: [323.5, 236], distortion: [-0.12, 0.04, 0.0005, -0.0004], f_number: 16, bayer: true, format: %s}\n"
+    "camera: {size: [640, 480], focal_px: 700, center_px: [323.5, 236], distortion: [-0.12, 0.04, 0.0005, -0.0004], f_number: 16, blur_px: 0.6, bayer: true, format: %s}\n"
     "views: [{count: 3, distance_m: 3}]\nhold_out: 0\n"
     "board: {cols: 8, rows: 5, tag_mm: 30, gap_mm: 9, photos: 18}\n";
 
