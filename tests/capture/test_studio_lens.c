@@ -76,7 +76,8 @@ static void lens_comes_back(const char *format)
     print_message("%s: focal %.2f px (truth 700), lens off by %.3f px rms over %d cells, predicted %.3f px (worst direction); largest ratio %.1f\n", format,
                   calibration.solve.camera.fx_px, sqrt(squares / n), n, sqrt(sigma / n), worst);
     assert_true(n > off.cols * off.rows / 2);
-    /* Errors of one calibration hang together, so that they count as few: two sigmas of one normal number, three at the worst place. */
+    /* Errors of one calibration hang together, so that they count as few: two sigmas of one normal number, three at the worst place.  This seed
+     * stays within them; of eleven, two do not (docs/capture.md). */
     assert_true(sqrt(squares / n) < 2.0 * sqrt(sigma / n));
     assert_true(worst < 3.5);
     assert_true(fabs(calibration.solve.camera.fx_px / 700.0 - 1.0) < 1e-3);
