@@ -138,7 +138,8 @@ static void set_detection(tsuya_json *figures, const run *r)
             tsuya_json_add_text(blurred, r->corners.photo[i]);
         }
     }
-    tsuya_json_set_number(figures, "tone_gamma", r->detected.gamma);
+    tsuya_json_set_number(figures, "tone_gamma", r->detected.look.gamma);
+    tsuya_json_set_number(figures, "tone_sharpening", r->detected.look.sharpening);
 }
 
 /* Corners as the solve used them: without the edges' bias. */

@@ -3,7 +3,6 @@
 #include "calib/apriltag_adapter.h"
 #include "calib/guided.h"
 #include "calib/planar.h"
-#include "calib/refine.h"
 #include "core/file.h"
 #include "core/order.h"
 
@@ -217,10 +216,11 @@ static tsuya_status summarise(tsuya_detect_report *report, const tsuya_refined_t
 }
 
 /* Refined corners of one photograph, appended. */
-static tsuya_status refine(tsuya_corner_set *corners, tsuya_detect_report *report, const found *f, const tsuya_board *board, int photo, double gamma)
+static tsuya_status refine(tsuya_corner_set *corners, tsuya_detect_report *report, const found *f, const tsuya_board *board, int photo,
+                           const tsuya_edge_look *look)
 {
     tsuya_refined_tag *tag = tsuya_calloc((size_t)f->count, sizeof *tag);
-    tsuya_refine_options options = {f->cells, board->border_bits, gamma, 0.8};
+    tsuya_refine_options options = {f->cells, board->border_bits, *look, 0.8};
     tsuya_refine_info info;
     tsuya_status status = tag ? tsuya_refine_tags(tag, &info, &f->grey, f->seen, f->count, &options) : TSUYA_ERROR_MEMORY;
     report->rejected = f->rejected;
@@ -246,28 +246,30 @@ static tsuya_status refine(tsuya_corner_set *corners, tsuya_detect_report *repor
 }
 
 static tsuya_status detect_image(tsuya_corner_set *corners, tsuya_detect_report *report, tsuya_tag_detector *detector, found *before, const tsuya_board *board,
-                                 const tsuya_image *image, int photo, double gamma)
+                                 const tsuya_image *image, int photo, const tsuya_edge_look *look)
 {
     found f;
+    tsuya_edge_look own;
     double start_s = tsuya_clock_s();
     *report = (tsuya_detect_report){0};
     TSUYA_TRY(find_tags(&f, before, detector, board, image));
-    if (gamma <= 0.0) {
+    if (!look) {
         tsuya_refine_tone tone = tsuya_refine_estimate_tone(&f.grey, f.seen, f.count, f.cells, board->border_bits);
-        gamma = tsuya_refine_common_tone(&tone, 1);
+        own = tsuya_refine_common_look(&tone, 1);
+        look = &own;
     }
-    tsuya_status status = refine(corners, report, &f, board, photo, gamma);
+    tsuya_status status = refine(corners, report, &f, board, photo, look);
     found_free(&f);
     report->seconds = tsuya_clock_s() - start_s;
     return status;
 }
 
 tsuya_status tsuya_detect_image(tsuya_corner_set *corners, tsuya_detect_report *report, const tsuya_board *board, const tsuya_image *image,
-                                int photo, double gamma)
+                                int photo, const tsuya_edge_look *look)
 {
     tsuya_tag_detector *detector;
     TSUYA_TRY(make_detector(&detector, board));
-    tsuya_status status = detect_image(corners, report, detector, NULL, board, image, photo, gamma);
+    tsuya_status status = detect_image(corners, report, detector, NULL, board, image, photo, look);
     tsuya_tag_detector_free(detector);
     return status;
 }
@@ -284,7 +286,7 @@ typedef struct work {
     found *first;                  /* one a photograph: what the look for the tone found, without its image */
     tsuya_tag_detector **detector; /* one a thread, made when it is needed */
     int threads;
-    double gamma;
+    tsuya_edge_look look;
 } work;
 
 static void work_free(work *w)
@@ -342,14 +344,14 @@ static tsuya_status one_tone(tsuya_refine_tone *tone, work *w, int i)
     return status;
 }
 
-static tsuya_status find_gamma(work *w, const tsuya_context *context)
+static tsuya_status find_look(work *w, const tsuya_context *context)
 {
     tsuya_refine_tone tone[TONE_PHOTOS];
     tsuya_failure failure = {0};
     int used = w->count < TONE_PHOTOS ? w->count : TONE_PHOTOS;
 #pragma omp parallel for schedule(dynamic, 1) num_threads(context->threads)
     for (int k = 0; k < used; k++) {
-        tone[k] = (tsuya_refine_tone){1.0, INFINITY, 0.8};
+        tone[k] = TSUYA_REFINE_TONE_UNKNOWN;
         tsuya_status status = one_tone(&tone[k], w, (int)((long long)k * w->count / used));
         if (status != TSUYA_OK) {
 #pragma omp critical(tsuya_detect)
@@ -357,7 +359,7 @@ static tsuya_status find_gamma(work *w, const tsuya_context *context)
         }
     }
     TSUYA_TRY(tsuya_failure_raise(&failure));
-    w->gamma = tsuya_refine_common_tone(tone, used);
+    w->look = tsuya_refine_common_look(tone, used);
     return TSUYA_OK;
 }
 
@@ -368,7 +370,7 @@ static tsuya_status one_photo(work *w, int i)
     double earlier_s = w->first[i].seconds;
     TSUYA_TRY(my_detector(&detector, w));
     TSUYA_TRY(load(&image, w, i));
-    tsuya_status status = detect_image(&w->part[i], &w->report[i], detector, &w->first[i], w->board, &image, i, w->gamma);
+    tsuya_status status = detect_image(&w->part[i], &w->report[i], detector, &w->first[i], w->board, &image, i, &w->look);
     w->report[i].seconds += earlier_s;
     tsuya_image_free(&image);
     return status;
@@ -461,10 +463,10 @@ tsuya_status tsuya_detect_photos(tsuya_corner_set *corners, tsuya_detect_info *i
     w.paths = sorted;
     w.height_px = w.width_px + count;
     w.report = info->report;
-    TSUYA_GOTO_DONE(status, find_gamma(&w, context));
+    TSUYA_GOTO_DONE(status, find_look(&w, context));
     TSUYA_GOTO_DONE(status, all_photos(&w, context));
     TSUYA_GOTO_DONE(status, check_sizes(&w, info));
-    info->gamma = w.gamma;
+    info->look = w.look;
     TSUYA_GOTO_DONE(status, gather(corners, info, &w));
 done:
     work_free(&w);

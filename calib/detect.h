@@ -4,6 +4,7 @@
 
 #include "calib/board.h"
 #include "calib/corners.h"
+#include "calib/refine.h"
 #include "core/context.h"
 #include "core/image.h"
 
@@ -29,15 +30,15 @@ typedef struct tsuya_detect_report {
 
 typedef struct tsuya_detect_info {
     int width_px, height_px;
-    double gamma;               /* of the tone curve, 1: linear */
+    tsuya_edge_look look;
     tsuya_detect_report *report; /* one a photograph, in the set's order; owned */
     double seconds_read, seconds_detect, seconds_refine; /* summed over threads */
 } tsuya_detect_info;
 
 /* One image in memory (any sample type, 1 or 3 channels): corners are appended as photograph number `photo` of the set.
- * `gamma` 0: estimated from this image. */
+ * `look` NULL: estimated from this image. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_detect_image(tsuya_corner_set *corners, tsuya_detect_report *report, const tsuya_board *board,
-                                                           const tsuya_image *image, int photo, double gamma);
+                                                           const tsuya_image *image, int photo, const tsuya_edge_look *look);
 
 /* Photographs by path; their names (file names) become the set's.  All must have one size.  Memory: one photograph a thread. */
 TSUYA_MUST_CHECK TSUYA_API tsuya_status tsuya_detect_photos(tsuya_corner_set *corners, tsuya_detect_info *info, const tsuya_board *board,

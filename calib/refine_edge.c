@@ -90,6 +90,12 @@ static const double CLEAR = 4.0; /* blurs: farther light does not reach */
 
 bool tsuya_edge_is_narrow(double inner_px, double blur_px) { return inner_px < 7.0 * blur_px + 1.5; }
 
+double tsuya_edge_blur(const tsuya_edge *edge)
+{
+    const double blur = edge->p[EDGE_BLUR], c = edge->p[EDGE_SHARPENING];
+    return 1.0 / ((1.0 + c) / blur - c / tsuya_edge_wide(blur));
+}
+
 static double normal(double z) { return 0.5 * erfc(-z * M_SQRT1_2); }
 
 /* Of the white cells about a place, in cells; sigma: the blur along both. */
@@ -118,8 +124,9 @@ static double darkness(const tsuya_edge *neighbour, tsuya_vec2 p, double blur)
     return d < CLEAR * blur ? normal(d / blur) : 1.0;
 }
 
-static void add_stray(tsuya_edge_pixels *s, const tsuya_edge *edge, const tsuya_edge *before, const tsuya_edge *after, const tsuya_edge_code *code,
-                      double inner_px, double blur)
+/* By one blur. */
+static void add_stray(float *out, const tsuya_edge_pixels *s, const tsuya_edge *edge, const tsuya_edge *before, const tsuya_edge *after,
+                      const tsuya_edge_code *code, double inner_px, double blur)
 {
     const bool narrow = code->read && tsuya_edge_is_narrow(inner_px, blur);
     /* cells per pixel; `across`: the edge runs along the code's y */
@@ -129,7 +136,7 @@ static void add_stray(tsuya_edge_pixels *s, const tsuya_edge *edge, const tsuya_
     const double sigma[2] = {blur * (across ? by_depth : by_along), blur * (across ? by_along : by_depth)};
     for (int i = 0; i < s->count; i++) {
         const double depth = (double)s->depth[i], along = (double)s->u[i] * edge->half_length_px;
-        s->stray[i] = 0.0f;
+        out[i] = 0.0f;
         if (depth < -2.0 * blur) {
             continue; /* white already */
         }
@@ -138,7 +145,7 @@ static void add_stray(tsuya_edge_pixels *s, const tsuya_edge *edge, const tsuya_
         if (narrow && inner_px - depth < CLEAR * blur) {
             stray += from_code(code, tsuya_homography_apply(code->cells_from_px, p), sigma);
         }
-        s->stray[i] = (float)fmin(stray, 0.9);
+        out[i] = (float)fmin(stray, 0.9);
     }
 }
 
@@ -156,12 +163,10 @@ static bool start(double p[EDGE_PARAMETERS], const tsuya_edge_pixels *s, double 
     if (count[0] < 6.0 || count[1] < 6.0) {
         return false;
     }
-    double tone = p[EDGE_TONE];
-    memset(p, 0, EDGE_PARAMETERS * sizeof *p);
+    memset(p, 0, EDGE_TONE * sizeof *p);
     p[EDGE_BLUR] = blur;
-    p[EDGE_WHITE] = pow(fmax(sum[0] / count[0], DARKEST), tone);
-    p[EDGE_BLACK] = pow(fmax(sum[1] / count[1], DARKEST), tone);
-    p[EDGE_TONE] = tone;
+    p[EDGE_WHITE] = fmax(tsuya_edge_light(sum[0] / count[0], p[EDGE_TONE]), DARKEST);
+    p[EDGE_BLACK] = fmax(tsuya_edge_light(sum[1] / count[1], p[EDGE_TONE]), DARKEST);
     return true;
 }
 
@@ -221,11 +226,11 @@ static void add_priors(tsuya_edge_normal *n, const tsuya_edge *edge, double vari
 }
 
 /* Gauss–Newton; true when the steps have become small. */
-static bool iterate(tsuya_edge *edge, tsuya_edge_pixels *s, tsuya_edge_normal *last, double *variance, double arc_sigma, bool with_tone)
+static bool iterate(tsuya_edge *edge, tsuya_edge_pixels *s, tsuya_edge_normal *last, double *variance, double arc_sigma, bool learn)
 {
     double *p = edge->p, moved = INFINITY;
     for (int i = 0; i < MOST_ITERATIONS; i++) {
-        tsuya_edge_normal_sum(last, p, s, with_tone);
+        tsuya_edge_normal_sum(last, p, s, learn);
         *variance = fmax(last->squares / (s->count - EDGE_TONE), ROUNDING);
         add_priors(last, edge, *variance, arc_sigma);
         tsuya_edge_normal work = *last;
@@ -286,27 +291,35 @@ static void keep_covariance(tsuya_edge *edge, const tsuya_edge_normal *n, double
     }
 }
 
-/* The tone's part of a Gauss–Newton step in which it were free too. */
-static void keep_tone_step(tsuya_edge *edge, const tsuya_edge_normal *n, double variance)
+/* The normal equations of γ and the sharpening, the edge's own parameters eliminated. */
+static void keep_look(tsuya_edge *edge, const tsuya_edge_normal *n, double variance)
 {
     tsuya_edge_normal work = *n;
-    double step[EDGE_PARAMETERS], column[EDGE_PARAMETERS] = {0};
-    edge->tone_variance = INFINITY;
-    if (factor(work.h, EDGE_PARAMETERS)) {
-        memcpy(step, n->g, sizeof step);
-        column[EDGE_TONE] = 1.0;
-        solve(step, work.h, EDGE_PARAMETERS);
-        solve(column, work.h, EDGE_PARAMETERS);
-        edge->tone_step = step[EDGE_TONE];
-        edge->tone_variance = variance * column[EDGE_TONE];
+    double y[EDGE_PARAMETERS];
+    if (!factor(work.h, EDGE_PARAMETERS)) {
+        return;
+    }
+    for (int a = 0; a < EDGE_PARAMETERS; a++) {
+        y[a] = work.g[a];
+        for (int k = 0; k < a; k++) {
+            y[a] -= work.h[a][k] * y[k];
+        }
+        y[a] /= work.h[a][a];
+    }
+    const double l[2][2] = {{work.h[EDGE_TONE][EDGE_TONE], 0.0}, {work.h[EDGE_SHARPENING][EDGE_TONE], work.h[EDGE_SHARPENING][EDGE_SHARPENING]}};
+    for (int a = 0; a < 2; a++) {
+        edge->look_pull[a] = (l[a][0] * y[EDGE_TONE] + l[a][1] * y[EDGE_SHARPENING]) / variance;
+        for (int b = 0; b < 2; b++) {
+            edge->look_information[a][b] = (l[a][0] * l[b][0] + l[a][1] * l[b][1]) / variance;
+        }
     }
 }
 
 static tsuya_refine_reason judge(const tsuya_edge *edge, double noise, double start_contrast)
 {
     const double *p = edge->p;
-    double white = pow(fmax(p[EDGE_WHITE], DARKEST), 1.0 / p[EDGE_TONE]), black = pow(fmax(p[EDGE_BLACK], DARKEST), 1.0 / p[EDGE_TONE]);
-    double contrast = fabs(white - black), length = 2.0 * edge->half_length_px;
+    double contrast = fabs(tsuya_edge_value(fmax(p[EDGE_WHITE], DARKEST), p[EDGE_TONE]) - tsuya_edge_value(fmax(p[EDGE_BLACK], DARKEST), p[EDGE_TONE]));
+    double length = 2.0 * edge->half_length_px;
     if (contrast < 10.0 / 255.0 || contrast < 3.0 * noise || contrast < 0.4 * start_contrast) {
         return TSUYA_REFINE_CONTRAST;
     }
@@ -317,27 +330,32 @@ static tsuya_refine_reason judge(const tsuya_edge *edge, double noise, double st
 }
 
 void tsuya_edge_fit(tsuya_edge *edge, const tsuya_image *grey, const tsuya_edge *before, const tsuya_edge *after, double inner_px,
-                    double outer_px, const tsuya_edge_code *code, double tone, bool learn_tone)
+                    double outer_px, const tsuya_edge_code *code, const tsuya_edge_look *look, bool learn)
 {
     tsuya_edge_pixels s;
     double blur = edge->p[EDGE_BLUR] > 0.0 ? edge->p[EDGE_BLUR] : 0.8;
-    edge->p[EDGE_TONE] = tone;
+    edge->p[EDGE_TONE] = look->gamma;
+    edge->p[EDGE_SHARPENING] = look->sharpening;
     /* Between tag and code, and between tag and neighbour, only what one transition reaches. */
     double reach[2] = {fmin(fmax(inner_px - 2.2 * blur, 1.5), 3.0 * blur + 1.5), fmin(fmax(outer_px - 2.2 * blur, 1.5), 3.0 * blur + 1.5)};
     double margin = fmin(2.5 * blur + 0.7, 0.5 * edge->half_length_px);
     gather(&s, edge, grey, before, after, reach, margin);
-    add_stray(&s, edge, before, after, code, inner_px, blur);
+    add_stray(s.stray, &s, edge, before, after, code, inner_px, blur);
+    if (learn || look->sharpening != 0.0) {
+        add_stray(s.stray_wide, &s, edge, before, after, code, inner_px, tsuya_edge_wide(blur));
+    }
     edge->pixels = s.count;
-    edge->tone_variance = INFINITY;
+    memset(edge->look_pull, 0, sizeof edge->look_pull);
+    memset(edge->look_information, 0, sizeof edge->look_information);
     if (s.count < FEWEST_PIXELS || !start(edge->p, &s, blur)) {
         edge->reason = TSUYA_REFINE_OUTSIDE;
         return;
     }
     tsuya_edge_normal last;
-    double variance = 0.0, contrast = fabs(pow(edge->p[EDGE_WHITE], 1.0 / tone) - pow(edge->p[EDGE_BLACK], 1.0 / tone));
-    bool fine = iterate(edge, &s, &last, &variance, ARC_NONE, learn_tone);
+    double variance = 0.0, contrast = fabs(tsuya_edge_value(edge->p[EDGE_WHITE], look->gamma) - tsuya_edge_value(edge->p[EDGE_BLACK], look->gamma));
+    bool fine = iterate(edge, &s, &last, &variance, ARC_NONE, learn);
     if (fine && wants_arc(&last, edge, variance)) { /* where noise does not tell it, it only adds to that: bow and arc look alike */
-        fine = iterate(edge, &s, &last, &variance, ARC_SIGMA, learn_tone);
+        fine = iterate(edge, &s, &last, &variance, ARC_SIGMA, learn);
     }
     if (!fine) {
         edge->reason = TSUYA_REFINE_UNLIKE;
@@ -346,7 +364,7 @@ void tsuya_edge_fit(tsuya_edge *edge, const tsuya_image *grey, const tsuya_edge 
     edge->residual = sqrt(variance);
     edge->reason = judge(edge, edge->residual, contrast);
     keep_covariance(edge, &last, variance);
-    if (learn_tone) {
-        keep_tone_step(edge, &last, variance);
+    if (learn) {
+        keep_look(edge, &last, variance);
     }
 }

@@ -45,35 +45,56 @@ INLINE void normal_at(vf *share, vf *density, vf z)
     *share = choose(z < 0.0f, tail, 1.0f - tail);
 }
 
-/* Residual and gradient of the pixels from i on. */
-INLINE vf evaluate(vf g[EDGE_PARAMETERS], const float p[EDGE_PARAMETERS], const tsuya_edge_pixels *s, int i, bool curved, bool with_tone)
+/* Share of white behind one blur; its derivatives by the edge's place and by that blur. */
+INLINE void behind_blur(vf *share, vf *by_place, vf *by_blur, vf off, float blur, vf stray)
 {
-    vf u = *(const vf *)&s->u[i], bend = u * u - 1.0f / 3, share, density, rise = u * 0.0f + 1.0f;
-    vf z = (p[EDGE_OFFSET] + p[EDGE_SLOPE] * u + p[EDGE_BOW] * bend - *(const vf *)&s->depth[i]) * (1.0f / p[EDGE_BLUR]);
-    normal_at(&share, &density, z);
-    const vf stray = *(const vf *)&s->stray[i];
-    share += (1.0f - share) * stray;
-    density *= 1.0f - stray;
+    const float per_px = 1.0f / blur;
+    const vf z = off * per_px, left = 1.0f - stray;
+    vf density;
+    normal_at(share, &density, z);
+    *share = stray + left * *share;
+    *by_place = left * density * per_px;
+    *by_blur = -*by_place * z;
+}
+
+/* Residual and gradient of the pixels from i on. */
+INLINE vf evaluate(vf g[EDGE_PARAMETERS], const float p[EDGE_PARAMETERS], const tsuya_edge_pixels *s, int i, bool curved, bool sharpened, bool learn)
+{
+    vf u = *(const vf *)&s->u[i], bend = u * u - 1.0f / 3, share, by_place, by_blur, lobes = u * 0.0f, rise = u * 0.0f + 1.0f;
+    const vf off = p[EDGE_OFFSET] + p[EDGE_SLOPE] * u + p[EDGE_BOW] * bend - *(const vf *)&s->depth[i];
+    behind_blur(&share, &by_place, &by_blur, off, p[EDGE_BLUR], *(const vf *)&s->stray[i]);
+    if (sharpened) {
+        const float wide = (float)tsuya_edge_wide((double)p[EDGE_BLUR]), c = p[EDGE_SHARPENING];
+        vf wide_share, wide_by_place, wide_by_blur;
+        behind_blur(&wide_share, &wide_by_place, &wide_by_blur, off, wide, *(const vf *)&s->stray_wide[i]);
+        lobes = share - wide_share;
+        share += c * lobes;
+        by_place += c * (by_place - wide_by_place);
+        by_blur += c * (by_blur - p[EDGE_BLUR] / wide * wide_by_blur);
+    }
     const vf black = p[EDGE_BLACK] + p[EDGE_BLACK_SLOPE] * u, contrast = p[EDGE_WHITE] + p[EDGE_WHITE_SLOPE] * u - black, even = black + contrast * share;
     const vf arc = 1.0f + p[EDGE_ARC] * bend;
     vf light = even * arc;
     light = choose(light > DARKEST, light, u * 0.0f + DARKEST);
     vf value = light;
     if (curved) {
-        float by_tone = 1.0f / p[EDGE_TONE];
-        vf logarithm = log_two(light);
-        value = power_of_two(logarithm * by_tone);
-        rise = value * by_tone / light;
-        if (with_tone) {
-            g[EDGE_TONE] = value * logarithm * (-0.693147181f * by_tone * by_tone);
+        const float by_tone = 1.0f / p[EDGE_TONE], lift = (float)EDGE_TONE_LIFT * (p[EDGE_TONE] - 1.0f);
+        vf logarithm = log_two(light), power = power_of_two(logarithm * by_tone);
+        value = (1.0f + lift) * power - lift;
+        rise = (1.0f + lift) * by_tone * power / light;
+        if (learn) {
+            g[EDGE_TONE] = (1.0f + lift) * power * logarithm * (-0.693147181f * by_tone * by_tone) + (float)EDGE_TONE_LIFT * (power - 1.0f);
         }
     }
     g[EDGE_ARC] = rise * even * bend;
     rise *= arc;
-    g[EDGE_OFFSET] = rise * contrast * density * (1.0f / p[EDGE_BLUR]);
+    if (learn) {
+        g[EDGE_SHARPENING] = rise * contrast * lobes;
+    }
+    g[EDGE_OFFSET] = rise * contrast * by_place;
     g[EDGE_SLOPE] = g[EDGE_OFFSET] * u;
     g[EDGE_BOW] = g[EDGE_OFFSET] * bend;
-    g[EDGE_BLUR] = -g[EDGE_OFFSET] * z;
+    g[EDGE_BLUR] = rise * contrast * by_blur;
     g[EDGE_WHITE] = rise * share;
     g[EDGE_WHITE_SLOPE] = g[EDGE_WHITE] * u;
     g[EDGE_BLACK] = rise - g[EDGE_WHITE];
@@ -82,13 +103,13 @@ INLINE vf evaluate(vf g[EDGE_PARAMETERS], const float p[EDGE_PARAMETERS], const 
 }
 
 /* Lower half of JᵀJ row by row, then Jᵀr, then r², over one chunk. */
-INLINE void add_chunk(double *sum, const float p[EDGE_PARAMETERS], const tsuya_edge_pixels *s, int begin, int end, bool curved, bool with_tone)
+INLINE void add_chunk(double *sum, const float p[EDGE_PARAMETERS], const tsuya_edge_pixels *s, int begin, int end, bool curved, bool sharpened, bool learn)
 {
-    const int size = with_tone ? EDGE_PARAMETERS : EDGE_TONE;
+    const int size = learn ? EDGE_PARAMETERS : EDGE_TONE;
     const vi lane = {0, 1, 2, 3, 4, 5, 6, 7};
     vf part[SUMS] = {0};
     for (int i = begin; i < end; i += LANES) {
-        vf g[EDGE_PARAMETERS], r = evaluate(g, p, s, i, curved, with_tone);
+        vf g[EDGE_PARAMETERS], r = evaluate(g, p, s, i, curved, sharpened, learn);
         vf *out = part;
         if (i + LANES > end) {
             vi there = lane + i < end;
@@ -97,14 +118,14 @@ INLINE void add_chunk(double *sum, const float p[EDGE_PARAMETERS], const tsuya_e
             }
             r = (vf)((vi)r & there);
         }
-#pragma GCC unroll 10
+#pragma GCC unroll 11
         for (int a = 0; a < size; a++) {
-#pragma GCC unroll 10
+#pragma GCC unroll 11
             for (int b = 0; b <= a; b++) {
                 *out++ += g[a] * g[b];
             }
         }
-#pragma GCC unroll 10
+#pragma GCC unroll 11
         for (int a = 0; a < size; a++) {
             *out++ += g[a] * r;
         }
@@ -117,29 +138,31 @@ INLINE void add_chunk(double *sum, const float p[EDGE_PARAMETERS], const tsuya_e
     }
 }
 
-INLINE void add_chunks(double *sum, const float p[EDGE_PARAMETERS], const tsuya_edge_pixels *s, bool curved, bool with_tone)
+INLINE void add_chunks(double *sum, const float p[EDGE_PARAMETERS], const tsuya_edge_pixels *s, bool curved, bool sharpened, bool learn)
 {
     for (int begin = 0; begin < s->count; begin += CHUNK) {
-        add_chunk(sum, p, s, begin, begin + CHUNK < s->count ? begin + CHUNK : s->count, curved, with_tone);
+        add_chunk(sum, p, s, begin, begin + CHUNK < s->count ? begin + CHUNK : s->count, curved, sharpened, learn);
     }
 }
 
-TSUYA_CLONES("arch=x86-64-v3", "default") static void add_linear(double *sum, const float *p, const tsuya_edge_pixels *s) { add_chunks(sum, p, s, false, false); }
-TSUYA_CLONES("arch=x86-64-v3", "default") static void add_curved(double *sum, const float *p, const tsuya_edge_pixels *s) { add_chunks(sum, p, s, true, false); }
-TSUYA_CLONES("arch=x86-64-v3", "default") static void add_with_tone(double *sum, const float *p, const tsuya_edge_pixels *s) { add_chunks(sum, p, s, true, true); }
+#define CLONED TSUYA_CLONES("arch=x86-64-v3", "default") static void
+CLONED add_linear(double *sum, const float *p, const tsuya_edge_pixels *s) { add_chunks(sum, p, s, false, false, false); }
+CLONED add_curved(double *sum, const float *p, const tsuya_edge_pixels *s) { add_chunks(sum, p, s, true, false, false); }
+CLONED add_sharpened(double *sum, const float *p, const tsuya_edge_pixels *s) { add_chunks(sum, p, s, true, true, false); }
+CLONED add_learning(double *sum, const float *p, const tsuya_edge_pixels *s) { add_chunks(sum, p, s, true, true, true); }
 
-void tsuya_edge_normal_sum(tsuya_edge_normal *n, const double p[EDGE_PARAMETERS], tsuya_edge_pixels *s, bool with_tone)
+void tsuya_edge_normal_sum(tsuya_edge_normal *n, const double p[EDGE_PARAMETERS], tsuya_edge_pixels *s, bool learn)
 {
     float narrow[EDGE_PARAMETERS];
     double sum[SUMS] = {0}, *at = sum;
-    int size = with_tone ? EDGE_PARAMETERS : EDGE_TONE;
+    int size = learn ? EDGE_PARAMETERS : EDGE_TONE;
     for (int a = 0; a < EDGE_PARAMETERS; a++) {
         narrow[a] = (float)p[a];
     }
     for (int i = s->count; i % LANES; i++) {
-        s->u[i] = s->depth[i] = s->grey[i] = s->stray[i] = 0.0f;
+        s->u[i] = s->depth[i] = s->grey[i] = s->stray[i] = s->stray_wide[i] = 0.0f;
     }
-    (with_tone ? add_with_tone : p[EDGE_TONE] == 1.0 ? add_linear : add_curved)(sum, narrow, s);
+    (learn ? add_learning : p[EDGE_SHARPENING] != 0.0 ? add_sharpened : p[EDGE_TONE] == 1.0 ? add_linear : add_curved)(sum, narrow, s);
     memset(n, 0, sizeof *n);
     for (int a = 0; a < size; a++) {
         for (int b = 0; b <= a; b++) {

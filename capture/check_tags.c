@@ -82,7 +82,7 @@ tsuya_status tsuya_check_tags(tsuya_checked_photo *p, const tsuya_board *board, 
     int *tag = NULL;
     const char *const name = p->photo.name;
     TSUYA_GOTO_DONE(status, tsuya_corner_set_create(&corners, &name, 1));
-    TSUYA_GOTO_DONE(status, tsuya_detect_image(&corners, &report, board, image, 0, 0.0));
+    TSUYA_GOTO_DONE(status, tsuya_detect_image(&corners, &report, board, image, 0, NULL));
     TSUYA_NEW(status, s.plane, (size_t)corners.count + 1);
     TSUYA_NEW(status, s.image, (size_t)corners.count + 1);
     TSUYA_NEW(status, tag, (size_t)board->tag_count);

@@ -155,7 +155,7 @@ static score run_library(const field *f, const char *family, int border_bits)
     return s;
 }
 
-static score run_ours(const field *f, const char *family, int border_bits, double *gamma)
+static score run_ours(const field *f, const char *family, int border_bits, tsuya_edge_look *look)
 {
     tsuya_tag_detector *d;
     tsuya_tag_sighting *seen;
@@ -169,8 +169,8 @@ static score run_ours(const field *f, const char *family, int border_bits, doubl
     tsuya_refined_tag *refined = calloc((size_t)count, sizeof *refined);
     int cells = tsuya_tag_detector_cells(d);
     tsuya_refine_tone tone = tsuya_refine_estimate_tone(&grey, seen, count, cells, border_bits);
-    *gamma = tsuya_refine_common_tone(&tone, 1);
-    assert_ok(tsuya_refine_tags(refined, &info, &grey, seen, count, &(tsuya_refine_options){cells, border_bits, *gamma, 0.8}));
+    *look = tsuya_refine_common_look(&tone, 1);
+    assert_ok(tsuya_refine_tags(refined, &info, &grey, seen, count, &(tsuya_refine_options){cells, border_bits, *look, 0.8}));
     double seconds = cpu_s() - start;
     score s = hold(f, seen, refined, count);
     s.seconds = seconds;
@@ -185,16 +185,17 @@ static score run_ours(const field *f, const char *family, int border_bits, doubl
 static score compare(score *peer, const char *title, field *f, const tsuya_image *light, const scene_look *look, const char *family, int border_bits)
 {
     tsuya_image copy;
-    double gamma, mpix = 1e-6 * light->width_px * light->height_px;
+    tsuya_edge_look own;
+    double mpix = 1e-6 * light->width_px * light->height_px;
     assert_ok(tsuya_image_copy(&copy, light));
     scene_end(&f->photo, &copy, look);
-    score library = run_library(f, family, border_bits), ours = run_ours(f, family, border_bits, &gamma);
+    score library = run_library(f, family, border_bits), ours = run_ours(f, family, border_bits, &own);
     ours.library_bias = library.bias;
     if (peer) {
         *peer = library;
     }
     ours.bound = bound(f, look, look->blur_px);
-    printf("%s: Cramér–Rao bound %.4f, tone gamma %.2f\n", title, ours.bound, gamma);
+    printf("%s: Cramér–Rao bound %.4f, tone gamma %.2f, sharpening %.2f\n", title, ours.bound, own.gamma, own.sharpening);
     print_score("library, decimate 1", &library, mpix);
     print_score("ours", &ours, mpix);
     tsuya_image_free(&f->photo);

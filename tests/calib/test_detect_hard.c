@@ -32,7 +32,7 @@ static outcome detect(const tsuya_image *photo, const tsuya_board *board, tsuya_
     outcome o = {0};
     tsuya_camera cam = camera();
     assert_ok(tsuya_corner_set_create(&set, &name, 1));
-    assert_ok(tsuya_detect_image(&set, &o.report, board, photo, 0, 1.0));
+    assert_ok(tsuya_detect_image(&set, &o.report, board, photo, 0, &(tsuya_edge_look){1.0, 0.0}));
     double sum = 0.0, scaled = 0.0;
     for (int i = 0; i < set.count; i++) {
         const tsuya_corner *c = &set.corner[i];

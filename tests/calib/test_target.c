@@ -24,7 +24,7 @@ static void round_trip(tsuya_target_options o, int tags)
     assert_near(image.width_px, page.width_mm * DOTS, 1.01);
     assert_near(image.height_px, page.height_mm * DOTS, 1.01);
     assert_ok(tsuya_corner_set_create(&corners, &name, 1));
-    assert_ok(tsuya_detect_image(&corners, &report, &board, &image, 0, 1.0));
+    assert_ok(tsuya_detect_image(&corners, &report, &board, &image, 0, &(tsuya_edge_look){1.0, 0.0}));
     double worst = 0.0;
     for (int i = 0; i < corners.count; i++) {
         const tsuya_corner *c = &corners.corner[i];

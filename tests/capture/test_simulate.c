@@ -172,7 +172,7 @@ static double corner_error_px(int spp, double blur_px, bool bayer)
         assert_ok(tsuya_studio_shoot(&radiance, &coverage, studio, &shot, &context));
         assert_ok(tsuya_studio_develop(&photograph, &radiance, &sensor, 1, &context));
         tsuya_detect_report report;
-        assert_ok(tsuya_detect_image(&corners, &report, &board, &photograph, i, 2.2));
+        assert_ok(tsuya_detect_image(&corners, &report, &board, &photograph, i, &(tsuya_edge_look){2.4, 0.0}));
         for (; count < corners.count; count++) {
             const tsuya_corner *c = &corners.corner[count];
             tsuya_vec3 p = tsuya_pose_apply(pose, tsuya_board_corner(&board, tsuya_board_find(&board, c->tag_id), c->corner));

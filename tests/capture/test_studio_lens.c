@@ -1,14 +1,17 @@
-/* A job's own board photographs give back the lens that they were taken through, as well as the calibration says it knows it. */
+/* A job's own board photographs give back the lens that they were taken through, as well as the calibration says it knows it: sixteen rooms. */
 #include "support.h"
 
 #include "calib/calibrate.h"
 #include "calib/detect.h"
+#include "calib/projection.h"
 #include "capture/simulate.h"
+#include "core/dense.h"
+#include "core/context.h"
 
 #include <math.h>
 
 static const char SCENE[] =
-    "seed: 3\n"
+    "seed: %d\n"
     "cloth: {kind: closed, side_m: 0.3, spacing_m: 0.03}\n"
     "camera: {size: [640, 480], focal_px: 700, center_px: [323.5, 236], distortion: [-0.12, 0.04, 0.0005, -0.0004], f_number: 16, blur_px: 0.6, bayer: true, format: %s}\n"
     "views: [{count: 3, distance_m: 3}]\nhold_out: 0\n"
@@ -31,7 +34,67 @@ static void detect_all(tsuya_corner_set *corners, const tsuya_board *board, cons
     tsuya_arena_free(arena);
 }
 
-static void lens_comes_back(const char *format)
+enum { LENS = 8 /* fx fy cx cy k1 k2 p1 p2 */, DRAWS = 100 };
+
+static void set_lens(tsuya_camera *camera, const double p[LENS])
+{
+    camera->fx_px = p[0], camera->fy_px = p[1], camera->cx_px = p[2], camera->cy_px = p[3];
+    memcpy(camera->distortion, p + 4, 4 * sizeof *p);
+}
+
+static void get_lens(double p[LENS], const tsuya_camera *camera)
+{
+    const double all[LENS] = {camera->fx_px, camera->fy_px, camera->cx_px, camera->cy_px, camera->distortion[0], camera->distortion[1], camera->distortion[2], camera->distortion[3]};
+    memcpy(p, all, sizeof all);
+}
+
+/* Mean square of how far two lenses lie apart over the cells under boards; the largest ratio to the sigma there. */
+static double apart(double *worst, const tsuya_calibration *c, const tsuya_camera *other)
+{
+    tsuya_projection_map off;
+    double squares = 0.0;
+    int n = 0;
+    assert_ok(tsuya_projection_map_create(&off, c->sigma.cols, c->sigma.rows));
+    assert_ok(tsuya_projection_difference(&off, NULL, other, &c->solve.camera, c->distance_m));
+    *worst = 0.0;
+    for (int k = 0; k < off.cols * off.rows; k++) {
+        if (c->sigma.covered[k] && isfinite(off.value[k]) && isfinite(c->sigma.value[k])) {
+            squares += off.value[k] * off.value[k];
+            *worst = fmax(*worst, off.value[k] / c->sigma.value[k]);
+            n++;
+        }
+    }
+    assert_true(n > off.cols * off.rows / 2);
+    tsuya_projection_map_free(&off);
+    return squares / n;
+}
+
+/* The same as the calibration's covariance has it: lenses drawn from it. */
+static double predicted(double *worst, const tsuya_calibration *c)
+{
+    double root[LENS * LENS], at[LENS], sum = 0.0, own;
+    assert_int_equal(c->covariance.n, LENS);
+    memcpy(root, c->covariance.intrinsics, sizeof root);
+    assert_true(tsuya_dense_cholesky(root, LENS));
+    *worst = 0.0;
+    for (int d = 0; d < DRAWS; d++) {
+        tsuya_camera drawn = c->solve.camera;
+        get_lens(at, &drawn);
+        for (int i = 0; i < LENS; i++) {
+            for (int k = 0; k <= i; k++) {
+                at[i] += root[i * LENS + k] * tsuya_random_normal(5, (uint64_t)d, (uint64_t)k);
+            }
+        }
+        set_lens(&drawn, at);
+        sum += apart(&own, c, &drawn) / DRAWS;
+        *worst += own / DRAWS;
+    }
+    return sum;
+}
+
+typedef struct outcome { double off, predicted, worst, focal_sigmas; } outcome; /* off, predicted: mean squares */
+
+static outcome lens_comes_back(int seed, const char *format)
 {
     char text[1024], folder[TEST_PATH], path[TEST_PATH];
     tsuya_simulate_scene scene;
@@ -41,11 +104,12 @@ static void lens_comes_back(const char *format)
     tsuya_pose pose;
     tsuya_corner_set corners = {0};
     tsuya_calibration calibration;
-    tsuya_projection_map off;
     tsuya_context context = tsuya_context_default();
     tsuya_calibrate_options options = tsuya_calibrate_options_default();
-    snprintf(text, sizeof text, SCENE, format);
-    snprintf(folder, sizeof folder, "%s/%s", test_folder(), format);
+    outcome o;
+    double usual;
+    snprintf(text, sizeof text, SCENE, seed, format);
+    snprintf(folder, sizeof folder, "%s/%s%d", test_folder(), format, seed);
     assert_ok(tsuya_file_write(test_path("scene.yaml"), text, strlen(text)));
     assert_ok(tsuya_simulate_scene_load(&scene, test_path("scene.yaml")));
     assert_ok(tsuya_simulate(&info, &scene, folder, &context));
@@ -60,43 +124,46 @@ static void lens_comes_back(const char *format)
     options.lens_given = true;
     options.lens = TSUYA_LENS_OPENCV4;
     assert_ok(tsuya_calibrate(&calibration, &board, &corners, 640, 480, &options, &context));
-    assert_ok(tsuya_projection_map_create(&off, calibration.sigma.cols, calibration.sigma.rows));
-    assert_ok(tsuya_projection_difference(&off, NULL, &truth, &calibration.solve.camera, calibration.distance_m));
-    double squares = 0.0, sigma = 0.0, worst = 0.0;
-    int n = 0;
-    for (int k = 0; k < off.cols * off.rows; k++) {
-        double s = calibration.sigma.value[k];
-        if (calibration.sigma.covered[k] && isfinite(off.value[k]) && isfinite(s)) {
-            squares += off.value[k] * off.value[k];
-            sigma += s * s;
-            worst = fmax(worst, off.value[k] / s);
-            n++;
-        }
-    }
-    print_message("%s: focal %.2f px (truth 700), lens off by %.3f px rms over %d cells, predicted %.3f px (worst direction); largest ratio %.1f\n", format,
-                  calibration.solve.camera.fx_px, sqrt(squares / n), n, sqrt(sigma / n), worst);
-    assert_true(n > off.cols * off.rows / 2);
-    /* Errors of one calibration hang together, so that they count as few: two sigmas of one normal number, three at the worst place.  This seed
-     * stays within them; of eleven, two do not (docs/capture.md). */
-    assert_true(sqrt(squares / n) < 2.0 * sqrt(sigma / n));
-    assert_true(worst < 3.5);
-    assert_true(fabs(calibration.solve.camera.fx_px / 700.0 - 1.0) < 1e-3);
-    tsuya_projection_map_free(&off);
+    o.off = apart(&o.worst, &calibration, &truth);
+    o.predicted = predicted(&usual, &calibration);
+    o.focal_sigmas = (calibration.solve.camera.fx_px - truth.fx_px) / sqrt(calibration.covariance.intrinsics[0]);
+    print_message("%s, room %d: lens off by %.4f px rms, predicted %.4f; largest ratio to a sigma %.1f (%.1f of drawn lenses); focal length %+.2f sigmas\n", format, seed,
+                  sqrt(o.off), sqrt(o.predicted), o.worst, usual, o.focal_sigmas);
+    /* Errors of one calibration hang together, so that they count as few: two sigmas of one normal number. */
+    assert_true(o.off < 4.0 * o.predicted);
+    assert_true(o.worst < 4.5);
     tsuya_calibration_free(&calibration);
     tsuya_corner_set_free(&corners);
     tsuya_board_free(&board);
+    return o;
+}
+
+/* Over rooms together the errors are as large as predicted, and focal lengths err to both sides. */
+static void lenses_come_back(const char *format, int first, int rooms)
+{
+    double off = 0.0, sigma = 0.0, focal = 0.0;
+    for (int i = 0; i < rooms; i++) {
+        outcome o = lens_comes_back(first + i, format);
+        off += o.off / rooms;
+        sigma += o.predicted / rooms;
+        focal += o.focal_sigmas / rooms;
+    }
+    print_message("%s, %d rooms: lenses off by %.4f px rms, predicted %.4f (ratio %.2f); focal lengths %+.2f sigmas in the mean\n", format, rooms, sqrt(off), sqrt(sigma),
+                  sqrt(off / sigma), focal);
+    assert_true(off < 1.5 * 1.5 * sigma && off > 0.5 * 0.5 * sigma);
+    assert_true(fabs(focal) < 2.5 / sqrt(rooms));
 }
 
 static void from_16_bits(void **state)
 {
     (void)state;
-    lens_comes_back("tif");
+    lenses_come_back("tif", 3, 12);
 }
 
 static void from_jpeg(void **state)
 {
     (void)state;
-    lens_comes_back("jpg");
+    lenses_come_back("jpg", 3, 4);
 }
 
 int main(void)
