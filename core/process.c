@@ -1,6 +1,7 @@
 #include "core/process.h"
 
 #include "core/memory.h"
+#include "core/one_processor.h" /* made from core/preload */
 
 #include <errno.h>
 #include <fcntl.h>
@@ -11,6 +12,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <time.h>
@@ -62,25 +64,28 @@ typedef struct child {
     size_t captured_size;
 } child;
 
-static char **merged_environment(const char *const *extra)
+/* Ours first, which replace what is there; `last` may be NULL. */
+static char **merged_environment(const char *const *extra, const char *last)
 {
-    size_t own = 0, more = 0;
+    size_t own = 0, more = 0, used = 0;
     while (environ[own]) {
         own++;
     }
     while (extra && extra[more]) {
         more++;
     }
-    char **merged = tsuya_calloc(own + more + 1, sizeof *merged);
-    size_t used = 0;
+    char **merged = tsuya_calloc(own + more + 2, sizeof *merged);
     for (size_t i = 0; merged && i < more; i++) {
         merged[used++] = (char *)(uintptr_t)extra[i];
     }
+    if (merged && last) {
+        merged[used++] = (char *)(uintptr_t)last;
+    }
+    const size_t ours = used;
     for (size_t i = 0; merged && i < own; i++) {
         bool replaced = false;
-        for (size_t k = 0; k < more; k++) {
-            size_t name = strcspn(extra[k], "=") + 1;
-            replaced |= strncmp(environ[i], extra[k], name) == 0;
+        for (size_t k = 0; k < ours; k++) {
+            replaced |= strncmp(environ[i], merged[k], strcspn(merged[k], "=") + 1) == 0;
         }
         if (!replaced) {
             merged[used++] = environ[i];
@@ -118,19 +123,37 @@ static bool hold_processor(cpu_set_t *before)
     return sched_setaffinity(0, sizeof one, &one) == 0;
 }
 
-static tsuya_status spawn(child *c, const char *const argv[], const char *working_folder, const char *const *environment)
+/* The library that says so, as a file without a name; −1 where that cannot be made. */
+static int open_one_processor(void)
+{
+    int file = memfd_create("one_processor", MFD_CLOEXEC);
+    if (file >= 0 && write(file, ONE_PROCESSOR, sizeof ONE_PROCESSOR) != (ssize_t)sizeof ONE_PROCESSOR) {
+        close(file);
+        file = -1;
+    }
+    return file;
+}
+
+enum { PRELOADED = 3 }; /* its number in the child */
+static const char PRELOAD[] = "LD_PRELOAD=/proc/self/fd/3";
+
+static tsuya_status spawn(child *c, const char *const argv[], const char *working_folder, const char *const *environment, bool one_processor)
 {
     tsuya_status status = TSUYA_OK;
-    int pipe_ends[2] = {-1, -1};
+    int pipe_ends[2] = {-1, -1}, preloaded = one_processor ? open_one_processor() : -1;
     posix_spawn_file_actions_t actions;
     posix_spawnattr_t attributes;
     sigset_t none, defaults;
     const char **arguments = wrapped_arguments(argv);
-    char **variables = merged_environment(environment);
+    char **variables = merged_environment(environment, one_processor ? PRELOAD : NULL);
     posix_spawn_file_actions_init(&actions);
     posix_spawnattr_init(&attributes);
     if (!arguments || !variables) {
         status = TSUYA_ERROR_MEMORY;
+        goto done;
+    }
+    if (one_processor && preloaded < 0) {
+        status = tsuya_fail_errno(argv[0], "cannot be given one processor");
         goto done;
     }
     if (pipe2(pipe_ends, O_CLOEXEC) != 0) {
@@ -142,7 +165,10 @@ static tsuya_status spawn(child *c, const char *const argv[], const char *workin
     posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
     posix_spawn_file_actions_adddup2(&actions, pipe_ends[1], 1);
     posix_spawn_file_actions_adddup2(&actions, pipe_ends[1], 2);
-    posix_spawn_file_actions_addclosefrom_np(&actions, 3);
+    if (one_processor) {
+        posix_spawn_file_actions_adddup2(&actions, preloaded, PRELOADED);
+    }
+    posix_spawn_file_actions_addclosefrom_np(&actions, one_processor ? PRELOADED + 1 : PRELOADED);
     if (working_folder) {
         posix_spawn_file_actions_addchdir_np(&actions, working_folder);
     }
@@ -159,9 +185,10 @@ static tsuya_status spawn(child *c, const char *const argv[], const char *workin
     c->output = pipe_ends[0];
     pipe_ends[0] = -1;
 done:
-    for (int i = 0; i < 2; i++) {
-        if (pipe_ends[i] >= 0) {
-            close(pipe_ends[i]);
+    for (int i = 0; i < 3; i++) {
+        const int file = i < 2 ? pipe_ends[i] : preloaded;
+        if (file >= 0) {
+            close(file);
         }
     }
     posix_spawn_file_actions_destroy(&actions);
@@ -310,7 +337,7 @@ tsuya_status tsuya_process_run(tsuya_process_info *info, const char *const argv[
     double start = tsuya_clock_s();
     cpu_set_t before;
     bool held = options && options->one_processor && hold_processor(&before);
-    tsuya_status status = spawn(&c, argv, options ? options->working_folder : NULL, options ? options->environment : NULL);
+    tsuya_status status = spawn(&c, argv, options ? options->working_folder : NULL, options ? options->environment : NULL, options && options->one_processor);
     if (held) {
         sched_setaffinity(0, sizeof before, &before);
     }
@@ -345,7 +372,7 @@ tsuya_status tsuya_process_capture(char **output, tsuya_process_info *info, cons
         return TSUYA_ERROR_MEMORY;
     }
     double start = tsuya_clock_s();
-    tsuya_status status = spawn(&c, argv, NULL, environment);
+    tsuya_status status = spawn(&c, argv, NULL, environment, false);
     if (status == TSUYA_OK) {
         struct rusage usage = {0};
         bool interrupted;

@@ -17,7 +17,8 @@ typedef struct tsuya_process_options {
     const char *const *environment;  /* extra NAME=VALUE, NULL-terminated; NULL: none */
     tsuya_line_sink line;            /* NULL: none */
     void *line_user;
-    bool one_processor;              /* the child has one processor: for programs whose result depends on the number of threads */
+    bool one_processor;              /* the child has one processor, and is told so by the C library: for programs whose result depends on
+                                        the number of threads (a library preloaded from memory; LD_PRELOAD of this process does not reach it) */
 } tsuya_process_options;
 
 typedef struct tsuya_process_info {

@@ -6,6 +6,7 @@
 #include <fcntl.h>
 #include <pthread.h>
 #include <signal.h>
+#include <sys/sysinfo.h>
 #include <sys/wait.h>
 
 static tsuya_status shell(tsuya_process_info *info, const char *script, const tsuya_process_options *options)
@@ -91,6 +92,26 @@ static void test_what_a_child_gets(void **state)
     assert_ok(tsuya_process_capture(&output, &info, large, NULL));
     assert_int_equal(strlen(output), 1 << 20);
     tsuya_free(output);
+}
+
+/* COLMAP asks the C library how many threads to take, whatever processors it may run on. */
+static void test_one_processor(void **state)
+{
+    (void)state;
+    static const char *const environment[] = {"ASAN_OPTIONS=verify_asan_link_order=0", NULL};
+    char self[TEST_PATH];
+    ssize_t length = readlink("/proc/self/exe", self, sizeof self - 1);
+    assert_true(length > 0);
+    self[length] = '\0';
+    const char *argv[] = {self, "count", NULL};
+    for (int one = 0; one < 2; one++) {
+        char want[64];
+        tsuya_process_options options = {.environment = environment, .line = keep_line, .line_user = lines, .one_processor = one};
+        snprintf(want, sizeof want, "%d processors|", one ? 1 : get_nprocs());
+        lines[0] = '\0';
+        assert_ok(tsuya_process_run(NULL, argv, &options));
+        assert_string_equal(lines, want);
+    }
 }
 
 static bool alive(pid_t pid)
@@ -228,12 +249,17 @@ static void test_failing_memory(void **state)
     assert_int_equal(test_every_allocation(attempt, NULL), 3);
 }
 
-int main(void)
+int main(int argc, char **argv)
 {
+    if (argc == 2 && strcmp(argv[1], "count") == 0) {
+        printf("%d processors\n", get_nprocs());
+        return 0;
+    }
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_the_log_is_kept),
         cmocka_unit_test(test_ends_are_explained),
         cmocka_unit_test(test_what_a_child_gets),
+        cmocka_unit_test(test_one_processor),
         cmocka_unit_test(test_an_interruption_ends_the_child_and_its_children),
         cmocka_unit_test(test_no_orphan_whatever_ends_the_parent),
         cmocka_unit_test(test_a_daemon_does_not_hold_the_caller),
