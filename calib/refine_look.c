@@ -6,14 +6,14 @@
 
 enum { TONE_TAGS = 20, TONE_ROUNDS = 8 };
 
-/* Steeper than TONE_MOST is no camera's curve. */
+/* Steeper than TONE_MOST is no camera's curve; within TONE_NEAR of the other usual one than the file says, edges are believed. */
 static const double SRGB_TONE = 2.4, TONE_MOST = 3.1, TONE_NEAR = 0.3;
 
-/* Information and pull of what scatters by `floor` (variances) besides: (1 + I F)⁻¹ I. */
-static void loosen(double pull[2], double information[2][2], const tsuya_edge *e, const double floor[2])
+/* Information and pull of what scatters by `scatter` (variances) besides: (1 + I F)⁻¹ I. */
+static void loosen(double pull[2], double information[2][2], const tsuya_edge *e, const double scatter[2])
 {
     const double(*const i)[2] = e->look_information;
-    const double m[2][2] = {{1.0 + i[0][0] * floor[0], i[0][1] * floor[1]}, {i[1][0] * floor[0], 1.0 + i[1][1] * floor[1]}};
+    const double m[2][2] = {{1.0 + i[0][0] * scatter[0], i[0][1] * scatter[1]}, {i[1][0] * scatter[0], 1.0 + i[1][1] * scatter[1]}};
     const double determinant = m[0][0] * m[1][1] - m[0][1] * m[1][0];
     const double inverse[2][2] = {{m[1][1] / determinant, -m[0][1] / determinant}, {-m[1][0] / determinant, m[0][0] / determinant}};
     for (int a = 0; a < 2; a++) {
@@ -47,7 +47,7 @@ static const double GAMMA_FLOOR = 0.01, SHARPENING_FLOOR = 0.03, SHARPENING_PRIO
 static bool look_step(double step[2], double h[2][2], const tsuya_edge_quad *q, int count, double sharpening, double most_blur_px, freedom freely)
 {
     const double prior = 1.0 / (SHARPENING_PRIOR * SHARPENING_PRIOR);
-    const double floor[2] = {GAMMA_FLOOR * GAMMA_FLOOR, freely == FREE_TONE ? 0.0 : SHARPENING_FLOOR * SHARPENING_FLOOR};
+    const double scatter[2] = {GAMMA_FLOOR * GAMMA_FLOOR, freely == FREE_TONE ? 0.0 : SHARPENING_FLOOR * SHARPENING_FLOOR};
     bool known = true;
     step[0] = step[1] = 0.0;
     for (int pass = 0; pass < 3 && known; pass++) {
@@ -60,7 +60,7 @@ static bool look_step(double step[2], double h[2][2], const tsuya_edge_quad *q, 
             if (e->reason != TSUYA_REFINE_FINE || e->p[EDGE_BLUR] > most_blur_px || !(e->look_information[0][0] > 0.0)) {
                 continue;
             }
-            loosen(pull, information, e, floor);
+            loosen(pull, information, e, scatter);
             for (int a = 0; a < 2; a++) {
                 left[a] = pull[a] - information[a][0] * step[0] - information[a][1] * step[1];
             }

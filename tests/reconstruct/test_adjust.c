@@ -22,11 +22,11 @@ static const tsuya_camera lens = {.lens = TSUYA_LENS_SIMPLE_RADIAL, .width_px = 
                                   .cx_px = 507.5, .cy_px = 393.5, .distortion = {-0.05}};
 
 /* Each point is seen by 4 neighbouring views; `wrong` of the observations slid along a pattern, all to the same side. */
-static void make(tsuya_sparse_model *m, double wrong, bool exact_start)
+static void make_points(tsuya_sparse_model *m, int points, double wrong, bool exact_start)
 {
     *m = (tsuya_sparse_model){.camera = tsuya_calloc(1, sizeof *m->camera), .camera_id = tsuya_calloc(1, sizeof *m->camera_id), .camera_count = 1,
-                              .view = tsuya_calloc(VIEWS, sizeof *m->view), .view_count = VIEWS, .point = tsuya_calloc(POINTS, sizeof *m->point),
-                              .point_count = POINTS};
+                              .view = tsuya_calloc(VIEWS, sizeof *m->view), .view_count = VIEWS, .point = tsuya_calloc((size_t)points, sizeof *m->point),
+                              .point_count = (size_t)points};
     m->camera[0] = lens;
     m->camera_id[0] = 1;
     if (!exact_start) { /* what EXIF tells */
@@ -38,9 +38,9 @@ static void make(tsuya_sparse_model *m, double wrong, bool exact_start)
         char name[16];
         snprintf(name, sizeof name, "v%02d.jpg", v);
         m->view[v] = (tsuya_view){.image_id = (uint32_t)v + 1, .camera_id = 1, .name = tsuya_strdup(name), .camera_from_world = true_pose(v),
-                                  .observation = tsuya_calloc(POINTS, sizeof *m->view[v].observation)};
+                                  .observation = tsuya_calloc((size_t)points, sizeof *m->view[v].observation)};
     }
-    for (int i = 0; i < POINTS; i++) {
+    for (int i = 0; i < points; i++) {
         uint64_t n = (uint64_t)i;
         tsuya_point *p = &m->point[i];
         p->position = (tsuya_vec3){0.35 * noise(1, 3 * n), 0.35 * noise(1, 3 * n + 1), 0.2 + 0.25 * noise(1, 3 * n + 2)};
@@ -58,6 +58,8 @@ static void make(tsuya_sparse_model *m, double wrong, bool exact_start)
         }
     }
 }
+
+static void make(tsuya_sparse_model *m, double wrong, bool exact_start) { make_points(m, POINTS, wrong, exact_start); }
 
 /* rms of the camera centres after the best similarity, in units of the scene (2 is the distance of the cameras). */
 static double center_error(const tsuya_sparse_model *m)
@@ -115,6 +117,33 @@ static void test_wrong_matches_are_left_out(void **state)
     tsuya_sparse_model_free(&clean);
     tsuya_sparse_model_free(&plain);
     tsuya_sparse_model_free(&wrong);
+}
+
+/* From 50,000 residuals on COLMAP's adjustment takes as many threads as it finds processors, whose sums come in any order. */
+static void test_many_residuals_twice_are_the_same(void **state)
+{
+    (void)state;
+    enum { MANY = 7000 };
+    tsuya_context context = tsuya_context_default();
+    tsuya_colmap colmap;
+    tsuya_sparse_model m;
+    char *bytes[3];
+    size_t size[3];
+    open_folder(&colmap, &context);
+    make_points(&m, MANY, 0.02, false);
+    assert_ok(tsuya_folder_make(test_path("many")));
+    assert_ok(tsuya_sparse_model_save_binary(&m, test_path("many")));
+    tsuya_sparse_model_free(&m);
+    for (int i = 0; i < 3; i++) {
+        assert_ok(tsuya_colmap_adjust(&colmap, "many", "again", TSUYA_ADJUST_LENS));
+        assert_ok(tsuya_file_load(&bytes[i], &size[i], test_path("again/points3D.bin"), 1 << 26));
+    }
+    for (int i = 1; i < 3; i++) {
+        assert_true(size[i] == size[0] && memcmp(bytes[i], bytes[0], size[0]) == 0);
+    }
+    for (int i = 0; i < 3; i++) {
+        tsuya_free(bytes[i]);
+    }
 }
 
 static void test_known_lens_stays_and_twice_is_the_same(void **state)
@@ -304,6 +333,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_wrong_matches_are_left_out),
+        cmocka_unit_test(test_many_residuals_twice_are_the_same),
         cmocka_unit_test(test_known_lens_stays_and_twice_is_the_same),
         cmocka_unit_test(test_tags_hold_the_cameras),
         cmocka_unit_test(test_tags_place_a_photograph),
