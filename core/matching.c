@@ -11,7 +11,7 @@
 
 enum {
     LENGTH = TSUYA_DESCRIPTOR_LENGTH,
-    PAIRS = LENGTH / 2, /* of a descriptor's numbers, multiplied and added by one instruction */
+    PAIRS = LENGTH / 2, QUADS = LENGTH / 4, /* of a descriptor's numbers, multiplied and added by one instruction */
     ROWS = 6,    /* of a, at once in registers */
     LANES = 16,  /* columns (features of b) at once in registers */
     CHUNK = 512, /* columns at once in the cache */
@@ -53,22 +53,26 @@ static bool is_distinct(const nearest *n)
     return best <= MOST_ANGLE_RAD && best < MOST_RATIO * second;
 }
 
-/* out[row][CHUNK] = Σ row column.  `row`: [PAIRS][ROWS], two numbers of a descriptor each. */
-typedef void products(int32_t *restrict out, const int32_t *restrict row, const int16_t *restrict column);
+/* out[row][CHUNK] = start + Σ row column.  `row`: [groups][ROWS], the numbers of a group of a descriptor each.  Groups are pairs of 16 bits
+ * or quads of bytes: there columns are less 128, for one factor has a sign, and start[row] is 128 times the sum of its numbers. */
+typedef void products(int32_t *restrict out, const int32_t *restrict row, const int32_t start[ROWS], const void *restrict columns);
+typedef struct kernel { products *run; bool bytes; } kernel;
 
 /* What both sides need, laid out for the products. */
 typedef struct comparison {
     const tsuya_sift *a, *b;
     const tsuya_guide *guide;
-    int16_t *column; /* [chunks of LANES features of b][PAIRS][LANES][2], filled up with zeros */
+    void *column;  /* [chunks of LANES features of b][groups][LANES][numbers of a group], filled up with zeros */
     float *line;   /* Mᵀ x_b of the epipolar guide: [2][columns] */
     float *x, *y;  /* positions in b, not a number beyond its features */
     int columns;   /* a multiple of CHUNK */
-    products *products;
+    kernel kernel;
 } comparison;
 
-static void products_portable(int32_t *restrict out, const int32_t *restrict row, const int16_t *restrict column)
+static void products_portable(int32_t *restrict out, const int32_t *restrict row, const int32_t start[ROWS], const void *restrict columns)
 {
+    const int16_t *column = columns;
+    (void)start;
     for (int j = 0; j < CHUNK; j += LANES) {
         int32_t sum[ROWS][LANES] = {{0}};
         for (int k = 0; k < PAIRS; k++) {
@@ -87,8 +91,10 @@ static void products_portable(int32_t *restrict out, const int32_t *restrict row
 }
 
 #ifdef __x86_64__
-__attribute__((target("avx2"))) static void products_avx2(int32_t *restrict out, const int32_t *restrict row, const int16_t *restrict column)
+__attribute__((target("avx2"))) static void products_avx2(int32_t *restrict out, const int32_t *restrict row, const int32_t start[ROWS], const void *restrict columns)
 {
+    const int16_t *column = columns;
+    (void)start;
     for (int j = 0; j < CHUNK; j += LANES) {
         __m256i low[ROWS], high[ROWS];
         for (int i = 0; i < ROWS; i++) {
@@ -111,20 +117,21 @@ __attribute__((target("avx2"))) static void products_avx2(int32_t *restrict out,
 }
 
 __attribute__((target("avx512f,avx512vnni"))) static void
-products_avx512(int32_t *restrict out, const int32_t *restrict row, const int16_t *restrict column)
+products_avx512(int32_t *restrict out, const int32_t *restrict row, const int32_t start[ROWS], const void *restrict columns)
 {
+    const int8_t *column = columns;
     for (int j = 0; j < CHUNK; j += 2 * LANES) {
         __m512i low[ROWS], high[ROWS];
         for (int i = 0; i < ROWS; i++) {
-            low[i] = high[i] = _mm512_setzero_si512();
+            low[i] = high[i] = _mm512_set1_epi32(start[i]);
         }
-        for (int k = 0; k < PAIRS; k++) {
-            __m512i c_low = _mm512_loadu_si512(&column[(j * PAIRS + k * LANES) * 2]);
-            __m512i c_high = _mm512_loadu_si512(&column[((j + LANES) * PAIRS + k * LANES) * 2]);
+        for (int k = 0; k < QUADS; k++) {
+            __m512i c_low = _mm512_loadu_si512(&column[(j * QUADS + k * LANES) * 4]);
+            __m512i c_high = _mm512_loadu_si512(&column[((j + LANES) * QUADS + k * LANES) * 4]);
             for (int i = 0; i < ROWS; i++) {
                 __m512i r = _mm512_set1_epi32(row[k * ROWS + i]);
-                low[i] = _mm512_dpwssd_epi32(low[i], c_low, r);
-                high[i] = _mm512_dpwssd_epi32(high[i], c_high, r);
+                low[i] = _mm512_dpbusd_epi32(low[i], r, c_low);
+                high[i] = _mm512_dpbusd_epi32(high[i], r, c_high);
             }
         }
         for (int i = 0; i < ROWS; i++) {
@@ -135,17 +142,17 @@ products_avx512(int32_t *restrict out, const int32_t *restrict row, const int16_
 }
 #endif
 
-static products *fastest_products(void)
+static kernel fastest_kernel(void)
 {
 #ifdef __x86_64__
     if (__builtin_cpu_supports("avx512vnni")) {
-        return products_avx512;
+        return (kernel){products_avx512, true};
     }
     if (__builtin_cpu_supports("avx2")) {
-        return products_avx2;
+        return (kernel){products_avx2, false};
     }
 #endif
-    return products_portable;
+    return (kernel){products_portable, false};
 }
 
 /* Products of matches the guide forbids become −1. */
@@ -182,12 +189,35 @@ TSUYA_CLONES("arch=x86-64-v3", "default") static bool any_counts(const int32_t *
     return any;
 }
 
+/* Of one feature of b. */
+static size_t column_bytes(const kernel *k) { return k->bytes ? LENGTH : LENGTH * sizeof(int16_t); }
+
+typedef struct packed_rows { int32_t group[ROWS * PAIRS], start[ROWS]; } packed_rows;
+
+static void pack_row(packed_rows *packed, int i, const uint8_t *d, bool bytes)
+{
+    int32_t sum = 0;
+    if (!bytes) {
+        for (int k = 0; k < PAIRS; k++) {
+            packed->group[k * ROWS + i] = d[2 * k] | d[2 * k + 1] << 16;
+        }
+        return;
+    }
+    for (int k = 0; k < QUADS; k++) {
+        memcpy(&packed->group[k * ROWS + i], d + 4 * k, 4);
+    }
+    for (int k = 0; k < LENGTH; k++) {
+        sum += d[k];
+    }
+    packed->start[i] = 128 * sum;
+}
+
 /* Rows [row, row + ROWS) of a against one chunk of b.  `second`: in_b's, so that most products cost one comparison of many. */
-static void compare_chunk(nearest *in_a, nearest *in_b, int32_t *second, const int32_t *packed, const comparison *job, int row, int chunk, int last_row)
+static void compare_chunk(nearest *in_a, nearest *in_b, int32_t *second, const packed_rows *packed, const comparison *job, int row, int chunk, int last_row)
 {
     int32_t product[ROWS * CHUNK];
     int end = job->b->count - chunk < CHUNK ? job->b->count - chunk : CHUNK;
-    job->products(product, packed, job->column + (size_t)chunk * LENGTH);
+    job->kernel.run(product, packed->group, packed->start, (const char *)job->column + (size_t)chunk * column_bytes(&job->kernel));
     for (int i = 0; i < ROWS && row + i < last_row; i++) {
         int32_t *p = product + i * CHUNK;
         nearest *own = &in_a[row + i];
@@ -215,14 +245,23 @@ static void compare_rows(nearest *in_a, nearest *in_b, int32_t *second, const co
 {
     for (int chunk = 0; chunk < job->columns; chunk += CHUNK) {
         for (int row = first; row < last; row += ROWS) {
-            int32_t packed[ROWS * PAIRS] = {0};
+            packed_rows packed = {{0}, {0}};
             for (int i = 0; i < ROWS && row + i < last; i++) {
-                const uint8_t *d = &job->a->descriptor[(size_t)(row + i) * LENGTH];
-                for (int k = 0; k < PAIRS; k++) {
-                    packed[k * ROWS + i] = d[2 * k] | d[2 * k + 1] << 16;
-                }
+                pack_row(&packed, i, &job->a->descriptor[(size_t)(row + i) * LENGTH], job->kernel.bytes);
             }
-            compare_chunk(in_a, in_b, second, packed, job, row, chunk, last);
+            compare_chunk(in_a, in_b, second, &packed, job, row, chunk, last);
+        }
+    }
+}
+
+static void place_column(comparison *job, int j, const uint8_t *d)
+{
+    const size_t first = (size_t)(j / LANES * LANES) * LENGTH;
+    for (int k = 0; k < LENGTH; k++) {
+        if (job->kernel.bytes) {
+            ((int8_t *)job->column)[first + (size_t)((k / 4 * LANES + j % LANES) * 4 + k % 4)] = (int8_t)(d[k] - 128);
+        } else {
+            ((int16_t *)job->column)[first + (size_t)((k / 2 * LANES + j % LANES) * 2 + k % 2)] = d[k];
         }
     }
 }
@@ -230,8 +269,8 @@ static void compare_rows(nearest *in_a, nearest *in_b, int32_t *second, const co
 static tsuya_status job_create(comparison *job, const tsuya_sift *a, const tsuya_sift *b, const tsuya_guide *guide)
 {
     int columns = (b->count + CHUNK - 1) / CHUNK * CHUNK;
-    *job = (comparison){.a = a, .b = b, .guide = guide && guide->kind != TSUYA_GUIDE_NONE ? guide : NULL, .columns = columns, .products = fastest_products()};
-    job->column = tsuya_calloc((size_t)columns * LENGTH, sizeof *job->column);
+    *job = (comparison){.a = a, .b = b, .guide = guide && guide->kind != TSUYA_GUIDE_NONE ? guide : NULL, .columns = columns, .kernel = fastest_kernel()};
+    job->column = tsuya_calloc((size_t)columns, column_bytes(&job->kernel));
     job->x = tsuya_calloc((size_t)columns * 4, sizeof *job->x);
     if (!job->column || !job->x) {
         return TSUYA_ERROR_MEMORY;
@@ -242,8 +281,8 @@ static tsuya_status job_create(comparison *job, const tsuya_sift *a, const tsuya
         bool real = j < b->count;
         job->x[j] = real ? b->position[j].x : NAN;
         job->y[j] = real ? b->position[j].y : NAN;
-        for (int k = 0; real && k < LENGTH; k++) {
-            job->column[(size_t)(j / LANES * LANES) * LENGTH + (size_t)((k / 2 * LANES + j % LANES) * 2 + k % 2)] = b->descriptor[(size_t)j * LENGTH + (size_t)k];
+        if (real) {
+            place_column(job, j, &b->descriptor[(size_t)j * LENGTH]);
         }
         for (int i = 0; job->guide && i < 2; i++) {
             const double *m = guide->matrix;
