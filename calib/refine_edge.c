@@ -192,7 +192,7 @@ static bool factor(double h[EDGE_PARAMETERS][EDGE_PARAMETERS], int size)
     return true;
 }
 
-static void solve(double x[EDGE_PARAMETERS], double h[EDGE_PARAMETERS][EDGE_PARAMETERS], int size)
+static void forward(double x[EDGE_PARAMETERS], double h[EDGE_PARAMETERS][EDGE_PARAMETERS], int size)
 {
     for (int a = 0; a < size; a++) {
         for (int k = 0; k < a; k++) {
@@ -200,6 +200,11 @@ static void solve(double x[EDGE_PARAMETERS], double h[EDGE_PARAMETERS][EDGE_PARA
         }
         x[a] /= h[a][a];
     }
+}
+
+static void solve(double x[EDGE_PARAMETERS], double h[EDGE_PARAMETERS][EDGE_PARAMETERS], int size)
+{
+    forward(x, h, size);
     for (int a = size - 1; a >= 0; a--) {
         for (int k = a + 1; k < size; k++) {
             x[a] -= h[k][a] * x[k];
@@ -299,13 +304,8 @@ static void keep_look(tsuya_edge *edge, const tsuya_edge_normal *n, double varia
     if (!factor(work.h, EDGE_PARAMETERS)) {
         return;
     }
-    for (int a = 0; a < EDGE_PARAMETERS; a++) {
-        y[a] = work.g[a];
-        for (int k = 0; k < a; k++) {
-            y[a] -= work.h[a][k] * y[k];
-        }
-        y[a] /= work.h[a][a];
-    }
+    memcpy(y, work.g, sizeof y);
+    forward(y, work.h, EDGE_PARAMETERS);
     const double l[2][2] = {{work.h[EDGE_TONE][EDGE_TONE], 0.0}, {work.h[EDGE_SHARPENING][EDGE_TONE], work.h[EDGE_SHARPENING][EDGE_SHARPENING]}};
     for (int a = 0; a < 2; a++) {
         edge->look_pull[a] = (l[a][0] * y[EDGE_TONE] + l[a][1] * y[EDGE_SHARPENING]) / variance;

@@ -53,6 +53,7 @@ typedef struct score {
     double rms, bias, outward, worst, sigma_ratio, bound, library_bias;
     int found, corners, dropped;
     double seconds;
+    tsuya_edge_look look; /* as it was learnt */
 } score;
 
 static int place_of(const tsuya_vec2 c[4])
@@ -191,6 +192,7 @@ static score compare(score *peer, const char *title, field *f, const tsuya_image
     scene_end(&f->photo, &copy, look);
     score library = run_library(f, family, border_bits), ours = run_ours(f, family, border_bits, &own);
     ours.library_bias = library.bias;
+    ours.look = own;
     if (peer) {
         *peer = library;
     }
